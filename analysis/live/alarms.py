@@ -1,4 +1,4 @@
-"""Alarms: a limit that is held is told, and stays told until what it watches has fallen well below it."""
+"""Alarms on vibration and speed, with hold time, hysteresis and latching."""
 
 import math
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ MAX_ALARMS = 256  # that are remembered of a run: of those that are over, the on
 
 
 class MonitoredQuantity(StrEnum):
-    """What is watched against limits."""
+    """Quantity that is monitored against limits."""
 
     OVERALL = "overall"  # m peak-to-peak, at each probe
     ORDER_1X = "1X"  # m peak, at each probe, as measured
@@ -28,28 +28,28 @@ class MonitoredQuantity(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """A limit that was passed, once it had been for long enough.
+    """An alarm: a limit that was exceeded for the hold time.
 
     Parameters
     ----------
     number : int
-        From 1, in the order in which they came.
-    quantity : Watched
-        What passed it, and so its unit.
+        From 1, in the order of their begin.
+    quantity : MonitoredQuantity
+        Quantity that exceeded its limit.
     probe : str
-        The channel's name; empty for the speed.
+        Name of the channel; empty for the speed.
     severity : Severity
-        Which limit: alarm or danger.
+        Alarm or danger limit.
     limit : float
-        That limit, m peak-to-peak, m peak or rad/s.
+        The limit, m peak-to-peak, m peak or rad/s.
     begin : TimeInRun
-        When it came: the limit had been passed for the whole hold time.
+        End of the hold time.
     largest : float
-        Largest value since the limit was passed, in the limit's unit.
+        Largest value since the limit was exceeded, in the unit of the limit.
     largest_at : TimeInRun
-        Where that was.
+        Time of the largest value.
     end : TimeInRun or None
-        When the value fell below the limit by the hysteresis; None while it lasts.
+        Time at which the value fell below the limit by the hysteresis; None while active.
     """
 
     number: int
@@ -64,21 +64,22 @@ class Alarm:
 
     @property
     def is_active(self) -> bool:
-        """Whether the value has not fallen since."""
+        """Whether the alarm has not ended."""
         return self.end is None
 
 
 class LimitMonitor:
-    """Watches one value against one limit, with hysteresis and delay.
+    """Monitors one value against one limit, with hysteresis and hold time.
 
     Parameters
     ----------
     limit : float
-        In the value's unit; one that is met is passed.
+        In the unit of the value; a value equal to it exceeds it.
     hysteresis : float
-        Part of the limit by which the value must fall below it before the alarm ends, 0 to below 1.
+        Fraction of the limit by which the value must fall below it before the alarm ends, 0 to below 1.
     hold : float
-        Time that the limit must be passed without a break before the alarm comes, s (1 s to 3 s in API 670 as quoted).
+        Time that the limit must be exceeded without interruption before the alarm, s (1 s to 3 s in API 670 as
+        quoted).
     """
 
     def __init__(self, limit: float, hysteresis: float, hold: float) -> None:
@@ -88,14 +89,14 @@ class LimitMonitor:
                 "0 or more"
             )
         self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
-        self._exceeded_since: TimeInRun | None = None  # where the present passing began
+        self._exceeded_since: TimeInRun | None = None  # begin of the present excess
         self.is_on = False
-        self.largest, self.largest_at = 0.0, TimeInRun(0, 0.0, math.nan)  # of the present passing
+        self.largest, self.largest_at = 0.0, TimeInRun(0, 0.0, math.nan)  # of the present excess
 
     def update(self, value: float, at: TimeInRun) -> bool:
-        """Take a value later than the one before; return whether the alarm is on.
+        """Add the next value; return whether the alarm is on.
 
-        NaN, not known, changes nothing; over a gap a limit is not held.
+        NaN (unknown) changes nothing. A gap between segments restarts the hold time.
         """
         if math.isnan(value):
             return self.is_on
@@ -111,12 +112,12 @@ class LimitMonitor:
 
 
 class AlarmMonitor:
-    """Watches vibration and speed against their limits; what it says depends on the samples alone.
+    """Monitors vibration and speed against their limits; the result depends on the samples only, not on the clock.
 
     Parameters
     ----------
     limits : Limits
-        Alarm and danger of what is watched, hysteresis and hold time.
+        Alarm and danger limits, hysteresis and hold time.
     probes : sequence of str
         Names of the probes x and y.
     """
@@ -128,7 +129,7 @@ class AlarmMonitor:
             MonitoredQuantity.BELOW_1X: (limits.below_1x_alarm, limits.below_1x_danger),
             MonitoredQuantity.SPEED: (limits.speed_alarm, limits.speed_danger),
         }
-        self._watches = [
+        self._monitors = [
             (
                 quantity,
                 row,
@@ -142,27 +143,27 @@ class AlarmMonitor:
             for severity, limit in zip((Severity.ALARM, Severity.DANGER), pair, strict=True)
             if math.isfinite(limit)
         ]
-        self._active: dict[int, Alarm] = {}  # by the number of their watch
+        self._active: dict[int, Alarm] = {}  # by index in _monitors
         self._ended: list[Alarm] = []
         self._count = 0
 
     def update(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
-        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
+        """Add the next snapshot; return the new alarms."""
         at = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
         new_alarms, values = [], monitored_values(snapshot)
-        for key, (quantity, row, probe, severity, limit, watch) in enumerate(self._watches):
-            is_on = watch.update(float(values[quantity][row]), at)
+        for key, (quantity, row, probe, severity, limit, monitor) in enumerate(self._monitors):
+            is_on = monitor.update(float(values[quantity][row]), at)
             active = self._active.get(key)
             if not is_on:
                 if active is not None:
                     self._close(replace(self._active.pop(key), end=at))
             elif active is None:
                 self._count += 1
-                alarm = Alarm(self._count, quantity, probe, severity, limit, at, watch.largest, watch.largest_at)
+                alarm = Alarm(self._count, quantity, probe, severity, limit, at, monitor.largest, monitor.largest_at)
                 self._active[key] = alarm
                 new_alarms.append(alarm)
-            elif watch.largest > active.largest:
-                self._active[key] = replace(active, largest=watch.largest, largest_at=watch.largest_at)
+            elif monitor.largest > active.largest:
+                self._active[key] = replace(active, largest=monitor.largest, largest_at=monitor.largest_at)
         return tuple(new_alarms)
 
     def _close(self, alarm: Alarm) -> None:
@@ -172,14 +173,14 @@ class AlarmMonitor:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """All alarms so far, in the order in which they came."""
+        """All alarms so far, in the order of their begin."""
         return tuple(sorted([*self._ended, *self._active.values()], key=lambda alarm: alarm.number))
 
 
 def monitored_values(snapshot: Snapshot) -> dict[MonitoredQuantity, FloatArray]:
-    """Return what is watched, each of shape (2,) at the probes x and y, the speed of shape (1,).
+    """Return the monitored values, each of shape (2,) at the probes x and y, the speed of shape (1,).
 
-    NaN where the tacho does not tell: without it there is no 1X and nothing below it.
+    Speed and order amplitudes are NaN without valid tacho pulses.
     """
     one = below = np.full(2, np.nan)
     if snapshot.frame is not None:
@@ -194,20 +195,20 @@ def monitored_values(snapshot: Snapshot) -> dict[MonitoredQuantity, FloatArray]:
 
 
 def visible_alarms(alarms: Sequence[Alarm], acknowledged: int, *, latch: bool) -> tuple[Alarm, ...]:
-    """Return the alarms that an operator must see: those that last, and latched ones that nobody has acknowledged.
+    """Return the alarms to show: active ones, and latched ones that are not acknowledged.
 
     Parameters
     ----------
     alarms : sequence of Alarm
-        From `AlarmWatch`.
+        From `AlarmMonitor`.
     acknowledged : int
-        Number of the last one that somebody has acknowledged; 0 for none.
+        Number of the last acknowledged alarm; 0 for none.
     latch : bool
-        Whether an alarm that is over stays until it is acknowledged.
+        Whether an ended alarm stays visible until it is acknowledged.
     """
     return tuple(alarm for alarm in alarms if alarm.is_active or (latch and alarm.number > acknowledged))
 
 
 def worst_severity(alarms: Sequence[Alarm]) -> Severity:
-    """Return the worst severity among alarms; normal where there are none."""
+    """Return the worst severity of alarms; normal without alarms."""
     return max((alarm.severity for alarm in alarms), key=lambda severity: severity.rank, default=Severity.NORMAL)

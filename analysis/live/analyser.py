@@ -1,4 +1,4 @@
-"""From blocks of converter codes to snapshots, with memory that does not grow."""
+"""Live analysis: turns blocks of converter codes into snapshots, with bounded memory."""
 
 from collections import deque
 
@@ -16,29 +16,29 @@ from analysis.tacho.shaft_angle import smooth_angle
 
 FloatArray = NDArray[np.float64]
 
-FIT_TURNS = 8  # before a frame that its smooth angle is fitted to as well
-MAX_TRACE_POINTS = 1000  # at most, about
+FIT_TURNS = 8  # revolutions before a frame that the fit of its shaft angle includes
+MAX_TRACE_POINTS = 1000  # approximately
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
 
 class Analyser:
-    """Makes a snapshot every update interval of sample time, and one at a segment's end.
+    """Computes a snapshot every update interval of sample time, and one at the end of a segment.
 
-    The samples are taken in hops that end at multiples of ``round(update_interval * rate)`` in their segment,
-    whatever the blocks they come in: snapshots hold the same bits for every size of block. A jump in segment or
-    sample index starts afresh; the counts of pulses and clipped samples run on. No int16 samples make it raise.
+    The samples are processed in hops that end at multiples of ``round(update_interval * rate)`` in their segment, so
+    that snapshots are identical, bit for bit, for every block size. A jump in segment or sample index restarts the
+    analysis, except the counts of pulses and clipped samples. It raises for no int16 samples.
 
     Parameters
     ----------
     acquisition : Acquisition
-        What turns codes into quantities.
+        Channels, rates, calibrations and tacho.
     settings : AnalysisSettings
-        How to analyse.
+        Settings of the order analysis.
 
     Raises
     ------
     ValueError
-        Where a role has no channel, a probe no calibration, or the probes are parallel.
+        A role has no channel, a probe has no calibration, or the probes are parallel.
     """
 
     def __init__(self, acquisition: Acquisition, settings: AnalysisSettings) -> None:
@@ -67,20 +67,20 @@ class Analyser:
 
     def _restart(self, segment: int, first: int) -> None:
         self._segment = segment
-        self._position = first  # index one past the last sample taken
-        self._filled = 0  # samples waiting for their hop
+        self._position = first  # index one past the last sample added
+        self._filled = 0  # samples of the incomplete hop
         self._tacho.restart(first)
         self._train.restart()
         self._pyramid = self._frames.new_pyramid(first)
         self._extremes.clear()
 
     def add_block(self, block: SampleBlock) -> list[Snapshot]:
-        """Take a block and return the snapshots that it completes.
+        """Add a block and return the snapshots that it completes.
 
         Raises
         ------
         ValueError
-            Where the block has another number of channels than the acquisition.
+            The number of channels differs from that of the acquisition.
         """
         if block.codes.shape[0] != self._n_channels:
             raise ValueError(f"block of {block.codes.shape[0]} channels, expected {self._n_channels}")
@@ -101,7 +101,7 @@ class Analyser:
         return snapshots
 
     def end_segment(self, end: SegmentEnd) -> list[Snapshot]:
-        """Take a segment's end and return the snapshot of what was left over, if anything was."""
+        """End the segment and return the snapshot of its incomplete hop, if there is one."""
         snapshots = [self._snapshot()] if self._filled and end.segment == self._segment else []
         self._restart(-1, 0)
         return snapshots
@@ -160,8 +160,8 @@ class Analyser:
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         needed = max(self._hop, turn)
         covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
-        for n, least, most in reversed(self._extremes):
-            low, high = np.minimum(low, least), np.maximum(high, most)
+        for n, lowest, highest in reversed(self._extremes):
+            low, high = np.minimum(low, lowest), np.maximum(high, highest)
             covered += n
             if covered >= needed:
                 break
@@ -178,6 +178,6 @@ class Analyser:
 
 
 def _calibrated_span(probe: Channel) -> tuple[float, float]:
-    """Return the span of voltage that was calibrated, V; none where the channel has no calibration."""
+    """Return the calibrated voltage range, V; NaN for a channel without calibration."""
     calibration = probe.calibration
     return (np.nan, np.nan) if calibration is None else (calibration.volts_low, calibration.volts_high)

@@ -1,7 +1,4 @@
-"""How a run's samples came from the device, beside what they say: the card's clock, and how full its buffer became.
-
-How fast the card's clock runs by the host's: a straight line through when its blocks were read.
-"""
+"""Delivery of samples from the device: error of the card's clock against the host clock, and buffer backlog."""
 
 import math
 from dataclasses import dataclass
@@ -11,22 +8,21 @@ from analysis.signals.header import Acquisition
 
 PPM = 1e-6
 CONFIDENCE_SIGMAS = 2.0  # standard deviations
-GROUP_DURATION = 1.0  # s of samples that are taken as one: delays within it belong together
+GROUP_DURATION = 1.0  # s of samples averaged to one point, as delays within it are correlated
 MIN_GROUPS = 5
-MAX_CLOCK_ERROR = 0.01  # an error beyond which the samples did not come as time went: simulated or replayed flat out
+MAX_CLOCK_ERROR = 0.01  # a larger error means that samples did not arrive in real time: simulation or replay
 
 
 @dataclass(frozen=True, slots=True)
 class ClockError:
-    """The card's clock against the host's.
+    """Relative error of the card's sample clock against the host clock.
 
     Parameters
     ----------
     error : float
-        Relative: positive where the card takes more samples a second of the host than its nominal rate.
+        Relative; positive where the card takes more samples per host second than its nominal rate.
     uncertainty : float
-        Relative; the truth is within it on either side with about 95 % confidence, as far as the host's own clock is
-        right and its delays are irregular.
+        Relative half width of the interval of about 95 % confidence, for a correct host clock and random delays.
     """
 
     error: float
@@ -35,7 +31,7 @@ class ClockError:
 
 @dataclass(slots=True)
 class _SegmentRegression:
-    """Running sums of one segment: host time (s, from its first group) against card time (s)."""
+    """Running sums of the regression in one segment: host time (s, from its first group) against card time (s)."""
 
     origin_ns: int
     n: int = 0
@@ -46,7 +42,7 @@ class _SegmentRegression:
     late_late: float = 0.0
 
     def add(self, card: float, late: float) -> None:
-        """Take a point: seconds by the card, and by how much the host's clock was ahead of it, s."""
+        """Add a point: card time, s, and host time minus card time, s."""
         self.n += 1
         card_off, late_off = card - self.card_mean, late - self.late_mean
         self.card_mean += card_off / self.n
@@ -57,10 +53,10 @@ class _SegmentRegression:
 
 
 class ClockEstimator:
-    """Regression of host time on card time over a run; memory grows with its segments alone.
+    """Regression of host time on card time over a run; memory grows only with the number of segments.
 
-    Each segment has its own beginning, all have one slope. What the device held when a block was read was taken by then
-    as well, so that a late reader does not bend the line.
+    Each segment has its own offset, all share one slope. The card time includes the backlog of the device, so that a
+    late reader does not bias the slope.
 
     Parameters
     ----------
@@ -75,7 +71,7 @@ class ClockEstimator:
         self._held: list[tuple[float, float]] = []
 
     def add_block(self, block: SampleBlock) -> None:
-        """Take a block as it was read."""
+        """Add a block as it was read."""
         line = self._lines.get(block.segment)
         if line is None:
             self._close_group()
@@ -89,7 +85,7 @@ class ClockEstimator:
         self._held.append((card, (block.host_time_ns - line.origin_ns) / 1e9 - card))
 
     def error(self) -> ClockError | None:
-        """Return the clock's error so far; None where the run cannot tell."""
+        """Return the clock error so far; None with too few samples, or where they did not arrive in real time."""
         lines = [line for line in self._lines.values() if line.n >= 2]
         n = sum(line.n for line in lines)
         freedom = n - len(lines) - 1
@@ -112,16 +108,16 @@ class ClockEstimator:
 
 @dataclass(frozen=True, slots=True)
 class DeliveryStatistics:
-    """How samples came from the device.
+    """Clock error and buffer use of a run.
 
     Parameters
     ----------
     clock : ClockError or None
-        The card's clock against the host's; None where the run cannot tell.
+        Clock error of the card; None where it could not be determined.
     backlog : float or None
-        Most that waited in the device when a block had been read, s of samples; None where nobody knows.
+        Largest backlog in the device after a block was read, s of samples; None where unknown.
     buffer : float or None
-        What the device holds for a late reader, s of samples; None likewise.
+        Size of the device buffer, s of samples; None where unknown.
     """
 
     clock: ClockError | None = None
@@ -130,12 +126,12 @@ class DeliveryStatistics:
 
 
 class DeliveryMonitor:
-    """Watches the blocks of a run as they come; memory grows with its segments alone.
+    """Collects delivery statistics from the blocks of a run; memory grows only with the number of segments.
 
     Parameters
     ----------
     acquisition : Acquisition
-        What delivers them; without a buffer of known size there is no backlog.
+        Rates and buffer size; the backlog is known only with the buffer size.
     """
 
     def __init__(self, acquisition: Acquisition) -> None:
@@ -144,12 +140,12 @@ class DeliveryMonitor:
         self._backlog = 0  # samples per channel
 
     def add_block(self, block: SampleBlock) -> None:
-        """Take a block as it was read."""
+        """Add a block as it was read."""
         self._clock.add_block(block)
         self._backlog = max(self._backlog, block.backlog)
 
     def statistics(self) -> DeliveryStatistics:
-        """Return how they came so far."""
+        """Return the statistics so far."""
         buffer = self._acquisition.buffer_time
         backlog = None if buffer is None else self._backlog / self._acquisition.rate
         return DeliveryStatistics(self._clock.error(), backlog, buffer)

@@ -1,4 +1,4 @@
-"""From the last whole revolutions to an order frame: angle, resampling, spectrum, whirl and orbit."""
+"""Order frames of the live analysis: resampling, spectrum, whirl components and orbit of the last whole revolutions."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,19 @@ from analysis.whirl.components import find_whirls, noise_floor, quantile
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-MIN_TURN_RATE = 1.0  # revolutions a second: below 60 r/min there is no frame
-FLOOR_LINES = 6  # at either side of an order, from the third on, that tell its noise, as in `order_track`
-SPARE_TURNS = 4  # that the pyramid remembers beside a frame
-_PASSBAND_FRACTION = 0.2  # of the angular sampling: orders above it are not wanted
+MIN_TURN_RATE = 1.0  # revolutions per second: no frame below 60 r/min
+FLOOR_LINES = 6  # lines on either side of an order, from the third on, for the noise floor, as in `order_track`
+SPARE_TURNS = 4  # revolutions that the pyramid stores in addition to a frame
+_PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
 
 
 class OrderFrameBuilder:
-    """Makes order frames from the samples of a pyramid.
+    """Builds order frames from the samples of a decimation pyramid.
 
-    The angular grid has so many points a revolution (``points_per_revolution``, doubled as needed) that the highest
-    order H asked for lies below 0.2 of them. It is read from the pyramid's finest level whose samples all lie below
-    the order that the grid of G points would fold onto H, G - H: nothing folds into the spectrum, and H lies below
-    0.25 of that level's rate, where filters and interpolation are good to 0.01 %.
+    The angular grid has enough points G per revolution (``points_per_revolution``, doubled as needed) that the highest
+    order H lies below 0.2 G. The grid is read from the finest level of the pyramid without components above the order
+    G - H, which the grid would fold onto H. So nothing folds into the spectrum, and H lies below 0.25 of the rate of
+    that level, where filters and interpolation are accurate to 0.01 %.
 
     Parameters
     ----------
@@ -57,10 +57,10 @@ class OrderFrameBuilder:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
         self._runout = RunOutEstimator(settings.runout)
-        self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level that is read
+        self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level, to avoid aliasing
 
     def new_pyramid(self, first: int) -> DecimationPyramid:
-        """Return an empty pyramid that serves every speed, for samples from index ``first`` on."""
+        """Return an empty pyramid for every speed, for samples from index ``first`` on."""
         turns = self._settings.revolutions + SPARE_TURNS
         keep = int(turns * self._most_per_turn) + 8 * HALF_WIDTH
         return DecimationPyramid(2, self._level(MIN_TURN_RATE) + 1, keep, first, self._late)
@@ -71,7 +71,7 @@ class OrderFrameBuilder:
     def build(
         self, pyramid: DecimationPyramid, angle: SmoothAngle, first_turn: int, last_turn: int
     ) -> OrderFrame | None:
-        """Return the frame that ends at the last mark up to which the samples reach.
+        """Return the frame that ends at the last mark within the samples.
 
         Parameters
         ----------
@@ -80,12 +80,12 @@ class OrderFrameBuilder:
         angle : SmoothAngle
             Time against revolutions, s.
         first_turn, last_turn : int
-            Revolutions between which it holds.
+            Range of validity of the angle, revolutions.
 
         Returns
         -------
         OrderFrame or None
-            None where the samples or the revolutions do not suffice, or the shaft turns too slowly.
+            None with too few samples or revolutions, or below the minimum speed.
         """
         revolutions = self._settings.revolutions
         for end in range(last_turn, max(last_turn - SPARE_TURNS, first_turn + revolutions - 1), -1):
@@ -141,7 +141,7 @@ class OrderFrameBuilder:
         )
 
     def _compensated_orbit(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
-        """Return the orbit, from the probes, less the run-out in the bench's directions, where that is asked for."""
+        """Return the orbit at the probes minus run-out, in bench axes; None where not requested or unknown."""
         if runout is None or not self._settings.runout.from_orbit:
             return None
         points = self._settings.points_per_revolution
@@ -150,16 +150,16 @@ class OrderFrameBuilder:
 
 
 def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: float) -> float:
-    """Return the median amplitude of the lines beside a whole order that are clear of every skirt, m peak.
+    """Return the median amplitude of the lines beside a whole order, clear of the lobes of whole orders, m peak.
 
     Parameters
     ----------
     spectrum : ndarray of complex128, shape (2, n_orders)
-        Of a frame.
+        Spectrum of a frame.
     revolutions, order : int
-        Of the frame; which order.
+        Revolutions in the frame, and the whole order.
     noise : float
-        Median over all orders, m peak, for a frame of so few revolutions that no such line is left.
+        Median over all orders, m peak, used where a frame of few revolutions has no such line.
     """
     away = np.arange(3, 3 + FLOOR_LINES)
     lines = order * revolutions + np.concatenate([-away, away])

@@ -1,4 +1,4 @@
-"""What a run was: the answer to the operator's last question, built from snapshots as they come."""
+"""Run summary, built from the snapshots of a run with bounded memory."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -23,21 +23,21 @@ class ProbeSummary:
     Parameters
     ----------
     name : str
-        The channel's name, as "x".
+        Name of the channel, as "x".
     gap_mean, gap_min, gap_max : float
         Mean, smallest and largest gap voltage over update intervals, V; NaN without snapshots.
     gap_ok : bool
-        Whether it lay in its window throughout.
+        Whether it was within its limits throughout.
     largest_peak_to_peak : float
         Largest overall vibration, m peak-to-peak; 0 without snapshots.
     largest : TimeInRun or None
-        Where that was; None without snapshots.
+        Time of the largest vibration; None without snapshots.
     severity : Severity
-        The largest vibration against the limits.
+        Severity of the largest vibration.
     beyond_calibration : int
-        Samples whose voltage lay outside the span that was calibrated: their displacement is extrapolated.
+        Samples outside the calibrated voltage range: their displacement is extrapolated.
     clearance_fraction : float
-        The largest vibration over the clearance's diameter: 1 is all the room there is.
+        Largest vibration over the diameter of the clearance circle.
     """
 
     name: str
@@ -54,30 +54,30 @@ class ProbeSummary:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunSummary:
-    """What a run was.
+    """Summary of a run: duration, losses, speeds, vibration, whirl components and alarms.
 
     Parameters
     ----------
     run, rig, note : str
-        Its id, its rig, the operator's words.
+        Id of the run, name of the rig, note of the operator.
     started_ns : int
         Wall clock at the start, ns since 1970.
     duration : float
-        Sampled time of all its segments together, s.
+        Sampled time of all segments, s.
     samples : int
-        Samples per channel in all its segments together.
+        Samples per channel in all segments.
     lost : int
         Samples per channel known to be lost.
     lost_is_exact : bool
         False where ``lost`` is only a lower bound.
     segments : tuple of SegmentEnd
-        How each segment ended.
+        End of each segment.
     lowest_speed, highest_speed : float
-        Range of shaft speed, rad/s; NaN where the tacho never told.
+        Range of shaft speed, rad/s; NaN without valid tacho pulses.
     probes : tuple of ProbeSummary
         The probes x and y.
     clipped : tuple of int
-        Samples at the converter's rails, per channel.
+        Samples at the limits of the converter range, per channel.
     snapshots, frames : int
         Number of snapshots, and of those with an order frame.
     tacho : TachoReport or None
@@ -85,19 +85,19 @@ class RunSummary:
     tacho_states : dict of str to int
         Number of snapshots in each state of the tacho (`TachoState` values; those that occurred).
     rows : tuple of SpeedRow
-        Amplitude, phase and peak-to-peak against speed, run-up and run-down apart, in rising order of speed.
+        Amplitude, phase and peak-to-peak against speed, for run-up and run-down, in rising order of speed.
     whirls : tuple of WhirlFinding
-        Sub-synchronous components in the order in which they began.
+        Sub-synchronous components in the order of their begin.
     alarms : tuple of Alarm
-        Limits that were passed for long enough, in the order in which their alarms came.
+        Alarms in the order of their begin.
     runout : RunOut or None
-        What was taken off as run-out; None where it was not asked for or never known.
+        Subtracted run-out; None where not requested or never known.
     runout_settings : RunOutSettings
-        What was asked to be taken off.
+        Requested run-out compensation.
     tacho_reference : str
-        What speed and phase were taken from: "samples" or "counter".
+        Source of speed and phase: "samples" or "counter".
     counter : CounterReport or None
-        How the tacho's counter and its waveform compared; None where no counter stamped.
+        Comparison of the tacho counter with the waveform; None without a counter.
     """
 
     run: str
@@ -127,7 +127,7 @@ class RunSummary:
 
     @property
     def is_gap_free(self) -> bool:
-        """Whether the run is one known stretch of samples of which none was lost."""
+        """Whether the run is one segment without lost samples."""
         return len(self.segments) == 1 and self.segments[0].is_gap_free
 
     @property
@@ -137,7 +137,7 @@ class RunSummary:
 
     @property
     def severity(self) -> Severity:
-        """The worst of the probes' verdicts."""
+        """Worst severity of the probes."""
         severities = (probe.severity for probe in self.probes)
         return max(severities, key=lambda severity: severity.rank, default=Severity.NORMAL)
 
@@ -167,12 +167,12 @@ class _Probe:
 
 
 class SummaryBuilder:
-    """Builds the summary of a run from its snapshots and segment ends, as they come; memory does not grow.
+    """Builds the summary of a run from its snapshots and segment ends, with bounded memory.
 
     Parameters
     ----------
     header : RunHeader
-        Of the run.
+        Header of the run.
     """
 
     def __init__(self, header: RunHeader) -> None:
@@ -192,10 +192,10 @@ class SummaryBuilder:
         self._counter: CounterReport | None = None
         self._snapshots = self._frames = 0
         self._lowest, self._highest = np.inf, -np.inf
-        self._open_segment, self._open_samples = -1, 0  # what has been seen of a segment that has not ended
+        self._open_segment, self._open_samples = -1, 0  # of the segment that has not ended
 
     def add_snapshot(self, snapshot: Snapshot) -> tuple[Alarm, ...]:
-        """Take a snapshot, in the order in which they came; return the alarms that came with it."""
+        """Add the next snapshot; return the new alarms."""
         if snapshot.segment != self._open_segment:
             self._whirls.end_segment()
         self._open_segment, self._open_samples = snapshot.segment, snapshot.sample
@@ -217,16 +217,16 @@ class SummaryBuilder:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """The alarms so far."""
+        """Alarms so far."""
         return self._alarms.alarms
 
     @property
     def runout(self) -> RunOut | None:
-        """What is known of the run-out so far."""
+        """Last known run-out."""
         return self._runout
 
     def end_segment(self, end: SegmentEnd) -> None:
-        """Take the end of a segment."""
+        """Add the end of a segment."""
         self._ends.append(end)
         self._whirls.end_segment()
         self._open_segment, self._open_samples = -1, 0

@@ -1,4 +1,4 @@
-"""A probe's calibration curve, fitted to measured points."""
+"""Polynomial fit of a probe's calibration curve to measured points."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-MIN_FREEDOM = 1  # points more than coefficients, at least: a polynomial through every point shows no residual
+MIN_FREEDOM = 1  # points more than coefficients: a polynomial through every point has no residual
 GRID_POINTS = 1001
 ORDER_RANGE = (1, 7)
 DEFAULT_ORDER = 3
@@ -16,16 +16,16 @@ DEFAULT_ORDER = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationFit:
-    """A polynomial: gap = sum of ``coefficients[k] * volts**k``.
+    """A fitted polynomial: gap = sum of ``coefficients[k] * volts**k``.
 
     Parameters
     ----------
     coefficients : tuple of float
         In rising order, m per V**k.
     volts_low, volts_high : float
-        The span that was calibrated, V.
+        Calibrated voltage range, V.
     residuals : ndarray of float64, shape (n,)
-        The polynomial's gap less the measured, m, point by point.
+        Gap of the polynomial minus measured gap, m, per point.
     """
 
     coefficients: tuple[float, ...]
@@ -35,7 +35,7 @@ class CalibrationFit:
 
     @property
     def order(self) -> int:
-        """Of the polynomial."""
+        """Order of the polynomial."""
         return len(self.coefficients) - 1
 
     @property
@@ -45,7 +45,7 @@ class CalibrationFit:
 
 
 def default_order(points: int) -> int:
-    """Return the order that suits so many points: 3, lower where they are few."""
+    """Return the default polynomial order for a number of points: 3, lower with few points."""
     return max(ORDER_RANGE[0], min(DEFAULT_ORDER, points - 1 - MIN_FREEDOM))
 
 
@@ -55,11 +55,11 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     Parameters
     ----------
     gaps : ndarray of float64, shape (n,)
-        Set with the micrometer, m, in any sequence.
+        Micrometer settings, m, in any sequence.
     volts : ndarray of float64, shape (n,)
-        The conditioner's output at them, V.
+        Output voltages of the conditioner, V.
     order : int
-        Of the polynomial, 1 to 7.
+        Order of the polynomial, 1 to 7.
 
     Raises
     ------
@@ -69,8 +69,8 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
 
     Notes
     -----
-    Points and the deviation of the worst from the curve, as API 670 asks of a probe's curve; here a polynomial instead
-    of a straight line, as the span is wider than the linear one.
+    API 670 requires the points of a probe's curve and the largest deviation from it; here the curve is a polynomial
+    instead of a straight line, as the calibrated range exceeds the linear range.
     """
     gaps, volts = np.asarray(gaps, dtype=np.float64), np.asarray(volts, dtype=np.float64)
     if gaps.ndim != 1 or gaps.shape != volts.shape:
@@ -98,7 +98,7 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
 
 
 def _odd_point(gaps: FloatArray, volts: FloatArray, order: int) -> int | None:
-    """Return the point without which the polynomial rises and fits the others best; None where there is no such."""
+    """Return the point whose omission gives a rising polynomial with the best fit; None if there is none."""
     best, odd = np.inf, None
     for k in range(gaps.size if gaps.size > order + 1 + MIN_FREEDOM else 0):
         others = np.delete(volts, k), np.delete(gaps, k)
@@ -111,7 +111,7 @@ def _odd_point(gaps: FloatArray, volts: FloatArray, order: int) -> int | None:
 
 
 def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
-    """Raise ValueError where a wider gap does not give a higher voltage."""
+    """Raise ValueError unless the voltage rises with the gap."""
     by_gap = np.argsort(gaps, kind="stable")
     gaps, volts = gaps[by_gap], volts[by_gap]
     falls = np.flatnonzero((np.diff(volts) <= 0.0) & (np.diff(gaps) > 0.0))

@@ -1,44 +1,41 @@
-"""From where on a check of the wiring warns or fails, where that is a matter of the rig and not of physics.
-
-What a check before a run says: good or not, what was seen, what was expected, and what to do.
-"""
+"""Results of preflight checks: verdict, measured value, limit and advice; and the configurable limits of the checks."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Verdict(StrEnum):
-    """How a check came out."""
+    """Verdict of a check."""
 
     GOOD = "PASS"
-    WARN = "WARN"  # a run is possible, but something should be known or put right
-    FAIL = "FAIL"  # what would be recorded could not be trusted
+    WARN = "WARN"  # a run is possible, but read the advice
+    FAIL = "FAIL"  # blocks a run: the recorded data would be invalid
 
 
 class Finding(StrEnum):
-    """What is wrong, for programs; people read the check's advice."""
+    """Machine-readable reason of a check that did not pass; the advice is for people."""
 
     OPEN = "open"  # nothing is connected to the input
     GAP_CLOSED = "gap closed"
     GAP_WIDE = "gap too wide"
-    CLIPPED = "clipped"  # the voltage left the card's range
+    CLIPPED = "clipped"  # the voltage exceeds the range of the card
     REVERSED = "reversed"  # the two wires of an input are exchanged
-    BRIDGED = "bridged"  # two inputs see one sensor
+    BRIDGED = "bridged"  # two inputs have the same signal
     PROBES_EXCHANGED = "probes exchanged"
     TACHO_EXCHANGED = "tacho exchanged"  # with a probe
     BEYOND_CALIBRATION = "beyond calibration"
     HUM = "mains hum"
-    INCONCLUSIVE = "cannot be told"  # what the check needs was not there
+    INCONCLUSIVE = "inconclusive"  # the signal does not allow the check
     SILENT = "tacho silent"
     STILL = "no pulses"
-    LEVELS = "levels"  # the tacho's levels and its switching levels do not fit
+    LEVELS = "levels"  # the switching levels do not suit the levels of the tacho
     NOISE = "noise"
-    DUTY = "mark"  # light and dark do not share the turn as configured
+    DUTY = "duty cycle"  # differs from the configured mark fraction
     SCATTER = "scatter"
     SPEED = "speed limit"
     MISSING = "device missing"
     DRIVER = "driver missing or too old"
-    DRIVER_WARNING = "driver remarks something"
+    DRIVER_WARNING = "driver warning"
     REFUSED = "settings refused"
     BUSY = "device busy"
     SELF_TEST = "self-test"
@@ -53,22 +50,22 @@ class Finding(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of the table that an operator reads before a run.
+    """Result of one preflight check.
 
     Parameters
     ----------
     name : str
-        What was looked at, as "probe x gap".
+        Checked quantity, as "probe x gap".
     verdict : Verdict
-        How it came out.
+        Passed, warning or failed.
     value : str
-        What was seen, with its unit.
+        Measured value, with its unit.
     limit : str
-        What was expected, with its unit.
+        Expected value, with its unit.
     advice : str
-        What it means at the bench and what to do; empty where there is nothing to do.
+        Meaning at the bench and what to do; empty for a passed check.
     finding : Finding or None
-        What is wrong; None exactly where the check passed.
+        Reason; None exactly where the check passed.
     """
 
     name: str
@@ -84,22 +81,22 @@ class Check:
 
     @classmethod
     def passed(cls, name: str, value: str, limit: str) -> "Check":
-        """Return a check that is good."""
+        """Return a passed check."""
         return cls(name, Verdict.GOOD, value, limit)
 
     @classmethod
     def warned(cls, name: str, finding: Finding, value: str, limit: str, advice: str) -> "Check":
-        """Return a check whose outcome should be known."""
+        """Return a check with a warning."""
         return cls(name, Verdict.WARN, value, limit, advice, finding)
 
     @classmethod
     def failed(cls, name: str, finding: Finding, value: str, limit: str, advice: str) -> "Check":
-        """Return a check that stands against a run."""
+        """Return a failed check, which blocks a run."""
         return cls(name, Verdict.FAIL, value, limit, advice, finding)
 
 
 def worst_verdict(checks: tuple[Check, ...]) -> Verdict:
-    """Return the worst verdict among checks; good where there are none."""
+    """Return the worst verdict of checks; good without checks."""
     order = list(Verdict)
     return max((check.verdict for check in checks), key=order.index, default=Verdict.GOOD)
 
@@ -109,16 +106,16 @@ MICRO = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class WiringLimits:
-    """What is still good at a rig.
+    """Limits of the wiring checks.
 
     Parameters
     ----------
     hum_warn, hum_fail : float
-        Mains hum of a probe, m peak: above the first it is said, above the second it stands against a run.
+        Mains hum of a probe, m peak, above which its check warns and fails.
     tacho_scatter : float
-        Scatter of the tacho's periods about their slow course, relative.
+        Relative scatter of the tacho periods about their trend, above which the check warns.
     mark_tolerance : float
-        How far the mark may be from its stated part of the turn: response and sensitivity shift light against dark.
+        Allowed deviation of the duty cycle from the configured mark fraction: sensor response and sensitivity shift it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What one probe's signal says of its wiring and its gap."""
+"""Preflight checks of one probe: connection, gap voltage, clipping, calibrated range and mains hum."""
 
 from dataclasses import dataclass
 
@@ -11,10 +11,10 @@ from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
-MAX_STUCK_NOISE = 0.5  # codes rms: even the card by itself is noisier
-MAX_CARD_NOISE = 1.5  # codes rms: the card's own noise; a conditioner's is larger
-MAX_OPEN_VOLTS = 0.3  # about zero: an input that nothing drives, held down by its bias resistor
-MAX_CLIPPED_FRACTION = 1e-3  # part of the samples at a rail: more is no spark but a voltage out of range
+MAX_STUCK_NOISE = 0.5  # codes rms: the card alone is noisier
+MAX_CARD_NOISE = 1.5  # codes rms: noise of the card alone; a conditioner adds more
+MAX_OPEN_VOLTS = 0.3  # V: an open input, pulled to zero by its bias resistor
+MAX_CLIPPED_FRACTION = 1e-3  # of the samples; more is a voltage out of range, not a spark
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,11 +24,11 @@ class ProbeSignal:
     Parameters
     ----------
     channel : Channel
-        Of the probe, with its calibration.
+        Channel of the probe, with its calibration.
     codes : ndarray of int16, shape (n,)
         Consecutive samples.
     volts : ndarray of float64, shape (n,)
-        The same, V.
+        The same samples, V.
     """
 
     channel: Channel
@@ -37,14 +37,14 @@ class ProbeSignal:
 
     @classmethod
     def from_codes(cls, channel: Channel, codes: NDArray[np.int16]) -> "ProbeSignal":
-        """Return the signal of a probe's channel; ValueError where it has no calibration or no samples."""
+        """Return the signal of a probe channel; ValueError without calibration or samples."""
         if channel.calibration is None or codes.ndim != 1 or codes.size == 0:
             raise ValueError(f"channel {channel.name!r}: codes {codes.shape}, expected a probe's samples, (n,)")
         return cls(channel, codes, channel.volts(codes))
 
     @property
     def name(self) -> str:
-        """What the table calls it."""
+        """Name of the probe in checks."""
         return f"probe {self.channel.name}"
 
     @property
@@ -54,7 +54,7 @@ class ProbeSignal:
 
     @property
     def sensitivity(self) -> float:
-        """Displacement by voltage at the mean voltage, m/V; taken at the calibrated span's nearer end outside it."""
+        """Displacement per voltage at the mean voltage, m/V, limited to the calibrated range."""
         calibration = _calibration(self.channel)
         at = min(max(self.mean, calibration.volts_low), calibration.volts_high)
         slope = np.polynomial.polynomial.polyder(np.array(calibration.coefficients))
@@ -62,31 +62,31 @@ class ProbeSignal:
 
     @property
     def displacement(self) -> FloatArray:
-        """Motion about the mean, m, by the sensitivity at the mean; positive away from the probe."""
+        """Motion about the mean, m, with the sensitivity at the mean; positive away from the probe."""
         return self.sensitivity * (self.volts - self.mean)
 
 
 def gap_check(probe: ProbeSignal) -> Check:
-    """Return whether the probe is connected and its mean voltage lies in its window."""
+    """Return the check that the probe is connected and its mean voltage within limits."""
     channel, mean = probe.channel, probe.mean
     name = f"{probe.name} gap"
     value, limit = f"{mean:.2f} V", f"{channel.gap_low:g} to {channel.gap_high:g} V"
     at_rails = float(np.mean((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
     if at_rails > MAX_CLIPPED_FRACTION:
         advice = (
-            f"{probe.name} reads {mean:.2f} V, for {100 * at_rails:.0f} % of the time at the end of what "
-            f"{channel.physical} can read: gap too wide, or range_v too small for the conditioner"
+            f"{probe.name} reads {mean:.2f} V, for {100 * at_rails:.0f} % of the time at the end of the range of "
+            f"{channel.physical}: gap too wide, or range_v too small for the conditioner"
         )
         return Check.failed(name, Finding.CLIPPED, value, limit, advice)
     noise = float(np.std(probe.codes))
     if noise < MAX_CARD_NOISE and abs(mean) < MAX_OPEN_VOLTS:
         advice = (
-            f"{probe.name} reads {mean:.2f} V and not even a sensor's noise: unplugged, or its conditioner has no "
-            f"supply; look at the cable to {channel.physical}"
+            f"{probe.name} reads {mean:.2f} V without sensor noise: unplugged, or its conditioner has no supply; check "
+            f"the cable to {channel.physical}"
         )
         return Check.failed(name, Finding.OPEN, value, limit, advice)
     if noise < MAX_STUCK_NOISE:
-        advice = f"{probe.name} stands at {mean:.2f} V without even noise: stuck, or nothing connected to it"
+        advice = f"{probe.name} reads a constant {mean:.2f} V without noise: stuck, or not connected"
         return Check.failed(name, Finding.OPEN, value, limit, advice)
     if channel.gap_low <= mean <= channel.gap_high:
         return Check.passed(name, value, limit)
@@ -94,24 +94,24 @@ def gap_check(probe: ProbeSignal) -> Check:
         advice = f"{probe.name} reads {mean:.2f} V: the two wires at {channel.physical} are exchanged"
         return Check.failed(name, Finding.REVERSED, value, limit, advice)
     if mean < channel.gap_low:
-        advice = f"{probe.name} reads {mean:.2f} V: gap closed, the tip touches or nearly: set the probe back"
+        advice = f"{probe.name} reads {mean:.2f} V: gap closed, the tip touches or almost touches: retract the probe"
         return Check.failed(name, Finding.GAP_CLOSED, value, limit, advice)
-    advice = f"{probe.name} reads {mean:.2f} V: gap too wide, the shaft is nearly out of reach: bring the probe nearer"
+    advice = f"{probe.name} reads {mean:.2f} V: gap too wide, the shaft is almost out of range: move the probe closer"
     return Check.failed(name, Finding.GAP_WIDE, value, limit, advice)
 
 
 def clipping_check(probe: ProbeSignal) -> Check:
-    """Return whether single samples reached the end of the card's range."""
+    """Return the check that no sample reached the limits of the card's range."""
     rails = int(np.count_nonzero((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
     name, value, limit = f"{probe.name} clipping", f"{rails:,} samples", "none"
     if rails == 0:
         return Check.passed(name, value, limit)
-    advice = f"{probe.name} reaches the end of the card's range now and then: wrong gap, or a loose contact"
+    advice = f"{probe.name} occasionally reaches the limit of the card's range: wrong gap, or a loose contact"
     return Check.warned(name, Finding.CLIPPED, value, limit, advice)
 
 
 def calibrated_check(probe: ProbeSignal) -> Check:
-    """Return whether all samples lie in the span that was calibrated."""
+    """Return the check that all samples lie in the calibrated range."""
     calibration = _calibration(probe.channel)
     low, high = calibration.volts_low, calibration.volts_high
     beyond = int(np.count_nonzero((probe.volts < low) | (probe.volts > high)))
@@ -120,23 +120,23 @@ def calibrated_check(probe: ProbeSignal) -> Check:
     if beyond == 0:
         return Check.passed(name, value, limit)
     part = 100 * beyond / probe.volts.size
-    advice = f"{part:.1f} % of the samples of {probe.name} lie where its calibration is only extrapolated"
+    advice = f"{part:.1f} % of the samples of {probe.name} lie outside the calibrated range and are extrapolated"
     return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
 
 
 def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limits: WiringLimits) -> Check:
-    """Return whether the mains are to be seen.
+    """Return the check of mains hum.
 
     Parameters
     ----------
     probe : ProbeSignal
         The probe.
-    slow : SlowSignal
+    slow : LowFrequencySignal
         Its displacement, m.
     turning : float
-        Frequency of the shaft, Hz: whirl may lie anywhere below it. 0 at rest, infinite where it turns untold.
+        Rotational frequency of the shaft, Hz; whirl may lie anywhere below it. 0 at rest, infinite where unknown.
     limits : WiringLimits
-        How much is told, and how much stands against a run.
+        Amplitudes for a warning and a failure.
     """
     name = f"{probe.name} mains hum"
     limit = f"{limits.hum_warn / MICRO:g} µm peak at 50 or 60 Hz"
@@ -145,15 +145,18 @@ def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limi
     if line.amplitude <= limits.hum_warn:
         return Check.passed(name, value, limit)
     if not line.is_separable:
-        advice = "the shaft turns with the mains' frequency, or a part of it: look again at rest or at another speed"
+        advice = (
+            "the shaft turns at the mains frequency or a fraction of it: repeat the check at rest or at another speed"
+        )
         return Check.warned(name, Finding.INCONCLUSIVE, value, limit, advice)
     if line.frequency < turning:
         advice = (
-            f"{probe.name} hums with the mains, or the shaft whirls just there: look again at rest, then at the shields"
+            f"{probe.name} shows mains hum, or the shaft whirls at that frequency: repeat the check at rest, then "
+            "check the shields"
         )
         return Check.warned(name, Finding.HUM, value, limit, advice)
     advice = (
-        f"{probe.name} hums with the mains: earth its shield at one end only, look for a loop through the "
+        f"{probe.name} shows mains hum: earth its shield at one end only, look for a ground loop through the "
         "conditioner's supply, keep the cable away from the inverter's"
     )
     make = Check.failed if line.amplitude > limits.hum_fail else Check.warned
@@ -162,5 +165,5 @@ def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limi
 
 def _calibration(channel: Channel) -> Calibration:
     if channel.calibration is None:
-        raise ValueError(f"channel {channel.name!r} has no calibration: it is no probe")
+        raise ValueError(f"channel {channel.name!r} has no calibration: it is not a probe")
     return channel.calibration

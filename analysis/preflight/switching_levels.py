@@ -1,4 +1,4 @@
-"""The two levels of a switching sensor's voltage, and the switching levels that suit them."""
+"""State levels of a two-level signal such as a tacho's, and suitable switching levels."""
 
 from dataclasses import dataclass
 
@@ -7,28 +7,28 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
-EXTREME_PERCENTILES = (0.2, 99.8)  # percent of the samples: what lies outside is not asked
+EXTREME_PERCENTILES = (0.2, 99.8)  # samples outside are ignored
 MIN_SEPARATION = 0.1  # V
-MAX_BETWEEN = 0.2  # part of the samples in the middle half of the span: a sine has a third there
-MIN_SEPARATION_SIGMAS = 6.0  # of the scatter: how far apart two levels are that are no noise
+MAX_BETWEEN = 0.2  # fraction of the samples in the middle half of the range; a sine has a third there
+MIN_SEPARATION_SIGMAS = 6.0  # times the scatter, of levels that are not noise
 MAD_TO_RMS = 1.4826  # of normal noise
-HYSTERESIS_FRACTION = 0.25  # of the separation: keeps noise from counting and leaves the edges their steep middle
-HYSTERESIS_SIGMAS = 8.0  # of the scatter
+HYSTERESIS_FRACTION = 0.25  # of the separation: rejects noise, and switches in the steep middle of the edges
+HYSTERESIS_SIGMAS = 8.0  # times the scatter
 MAX_HYSTERESIS_FRACTION = 0.6  # of the separation
 
 
 @dataclass(frozen=True, slots=True)
 class SignalLevels:
-    """The levels between which a voltage switches.
+    """The two levels between which a voltage switches.
 
     Parameters
     ----------
     low, high : float
         Medians of the lower and the upper level, V.
     scatter : float
-        Robust standard deviation about its level, the larger of both, V.
+        Robust standard deviation about the levels, the larger of both, V.
     high_fraction : float
-        Part of the samples above the middle, 0 to 1.
+        Fraction of the samples above the middle, 0 to 1.
     """
 
     low: float
@@ -48,13 +48,13 @@ class SignalLevels:
 
     @property
     def hysteresis(self) -> float:
-        """Distance of the two switching levels that suits them, V: a quarter of the swing, more where it is noisy."""
+        """Suitable hysteresis, V: a quarter of the separation, more with noise."""
         wanted = max(HYSTERESIS_FRACTION * self.separation, HYSTERESIS_SIGMAS * self.scatter)
         return min(wanted, MAX_HYSTERESIS_FRACTION * self.separation)
 
 
 def find_state_levels(volts: FloatArray) -> SignalLevels | None:
-    """Return the two levels of a voltage; None where it does not switch between two.
+    """Return the two levels of a voltage; None where it does not switch between two levels.
 
     Parameters
     ----------
@@ -64,11 +64,11 @@ def find_state_levels(volts: FloatArray) -> SignalLevels | None:
     Raises
     ------
     ValueError
-        There are no samples, or they are no single row.
+        There are no samples, or not one dimension.
 
     Notes
     -----
-    State levels as IEEE Std 181 has them for pulses, by quantiles and medians in place of a histogram.
+    State levels of a pulse signal as in IEEE Std 181, but from quantiles and medians instead of a histogram.
     """
     if volts.ndim != 1 or volts.size == 0:
         raise ValueError(f"volts: shape {volts.shape}, expected (n,) with n > 0")

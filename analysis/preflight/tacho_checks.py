@@ -1,4 +1,4 @@
-"""What the tacho's signal says of its wiring, its switching levels and its mark."""
+"""Preflight checks of the tacho: wiring, switching levels, noise, pulses, keyphasor mark and speed limit."""
 
 from dataclasses import dataclass
 
@@ -13,11 +13,11 @@ from analysis.tacho.edges import EdgeDetector
 FloatArray = NDArray[np.float64]
 RPM = 2.0 * np.pi / 60.0
 
-MIN_EDGES = 3  # to speak of a speed
-MIN_NOISE_MARGIN = 6.0  # times the scatter must fit between a level and its switching level
-HYSTERESIS_RANGE = (0.1, 0.5)  # of the swing: below, slow edges with noise count twice; above, a weaker pulse is missed
-WARNING_FRACTION = 0.9  # of the speed limit: from here on it is said
-MAX_RANGE_FRACTION = 0.98  # of the card's range that a level may take
+MIN_EDGES = 3  # for a speed
+MIN_NOISE_MARGIN = 6.0  # times the scatter, from a level to its switching level
+HYSTERESIS_RANGE = (0.1, 0.5)  # of the swing: below, noisy slow edges count twice; above, a weak pulse is missed
+WARNING_FRACTION = 0.9  # of the speed limit, for a warning
+MAX_RANGE_FRACTION = 0.98  # of the card's range, of a level
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,9 +27,9 @@ class TachoSignal:
     Parameters
     ----------
     channel : Channel
-        Of the tacho.
+        Channel of the tacho.
     tacho : Tacho
-        How it is read.
+        Settings of the tacho.
     volts : ndarray of float64, shape (n,)
         Consecutive samples, V.
     rate : float
@@ -37,7 +37,7 @@ class TachoSignal:
     levels : Levels or None
         Its two levels; None where it does not switch.
     edges : ndarray of float64
-        Where the marks pass by the rig's switching levels, in samples.
+        Positions of the edges at the configured switching levels, in samples.
     """
 
     channel: Channel
@@ -49,14 +49,14 @@ class TachoSignal:
 
     @classmethod
     def from_codes(cls, channel: Channel, tacho: Tacho, codes: NDArray[np.int16], rate: float) -> "TachoSignal":
-        """Return the signal of the tacho's channel; ValueError where there are no samples."""
+        """Return the signal of the tacho channel; ValueError without samples."""
         volts = channel.volts(codes)
         return cls(channel, tacho, volts, rate, find_state_levels(volts), EdgeDetector(tacho).edges(volts, 0))
 
     @property
     def angle(self) -> FloatArray | None:
-        """Angle of the shaft at the samples, rad, from one of its marks; None where that passes too few times."""
-        edges = self.edges[:: self.tacho.pulses_per_revolution]  # several may lie unevenly
+        """Shaft angle at the samples, rad, from one of the marks; None with too few revolutions."""
+        edges = self.edges[:: self.tacho.pulses_per_revolution]  # one mark only: the spacing may be uneven
         if edges.size < MIN_EDGES:
             return None
         turns = np.arange(edges.size, dtype=np.float64)
@@ -70,7 +70,7 @@ class TachoSignal:
 
     @property
     def speed(self) -> float:
-        """Mean speed, rad/s; NaN where too few marks pass."""
+        """Mean speed, rad/s; NaN with too few edges."""
         if self.edges.size < MIN_EDGES:
             return np.nan
         turns = (self.edges.size - 1) / self.tacho.pulses_per_revolution
@@ -78,27 +78,27 @@ class TachoSignal:
 
     @property
     def scatter(self) -> float:
-        """Robust scatter of the periods about their slow course, relative; NaN where too few marks pass."""
-        marks = self.tacho.pulses_per_revolution  # each is compared with itself: several may lie unevenly
+        """Relative robust scatter of the periods about their trend; NaN with too few edges."""
+        marks = self.tacho.pulses_per_revolution  # each mark is compared with itself: the spacing may be uneven
         turns = self.edges[marks:] - self.edges[:-marks]
         if turns.size < 2 * marks + MIN_EDGES - 2:
             return np.nan
-        # A steady change of speed bends none; of white scatter the bends have the 6-fold power.
-        bends = turns[2 * marks :] - 2.0 * turns[marks:-marks] + turns[: -2 * marks]
-        return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0) / np.median(turns) * marks)
+        # Second differences cancel a steady acceleration; they have 6 times the variance of white scatter.
+        differences = turns[2 * marks :] - 2.0 * turns[marks:-marks] + turns[: -2 * marks]
+        return float(1.4826 * np.median(np.abs(differences)) / np.sqrt(6.0) / np.median(turns) * marks)
 
 
 def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> list[Check]:
-    """Return what is to be said of the tacho.
+    """Return the checks of the tacho signal.
 
     Parameters
     ----------
     signal : TachoSignal
-        A second of it.
+        About a second of samples.
     limits : WiringLimits
-        What is still good.
+        Limits of the checks.
     motion : bool
-        Whether both probes see the shaft move.
+        Whether both probes measure motion of the shaft.
     """
     levels = signal.levels
     if levels is None:
@@ -115,21 +115,25 @@ def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> 
 
 
 def speed_limit_check(tacho: Tacho, speed: float) -> Check:
-    """Return whether the sensor can follow the mark at the highest speed planned, rad/s."""
+    """Return the check that the sensor response suffices at the highest planned speed, rad/s."""
     shorter = min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
     name, value = "tacho speed limit", f"{speed / RPM:,.0f} r/min planned"
     if tacho.response_time == 0.0:
         return Check.passed(name, value, "none: response_time_s = 0")
     highest = 2.0 * np.pi * shorter / tacho.response_time / tacho.pulses_per_revolution
     limit = f"{highest / RPM:,.0f} r/min"
-    mark = f"a mark over {100 * tacho.mark_fraction:.0f} % of the turn and {1e3 * tacho.response_time:g} ms of response"
+    mark = (
+        f"a mark over {100 * tacho.mark_fraction:.0f} % of a revolution and a response time of "
+        f"{1e3 * tacho.response_time:g} ms"
+    )
     if speed > highest:
         advice = (
-            f"with {mark} pulses are missed from {limit} on, quietly: paint half of the turn, or use a faster sensor"
+            f"with {mark} pulses are missed unnoticed above {limit}: paint half of the circumference, or use a faster "
+            "sensor"
         )
         return Check.failed(name, Finding.SPEED, value, limit, advice)
     if speed > WARNING_FRACTION * highest:
-        advice = f"with {mark} the sensor misses pulses soon above: watch for a speed that halves"
+        advice = f"with {mark} the sensor misses pulses just above this speed: watch for a speed that halves"
         return Check.warned(name, Finding.SPEED, value, limit, advice)
     return Check.passed(name, value, limit)
 
@@ -140,16 +144,16 @@ def _one_level_check(signal: TachoSignal, *, motion: bool) -> Check:
     name, value, limit = "tacho levels", f"{level:.2f} V, no pulse", f"below {low:g} and above {high:g} V in turn"
     if motion:
         advice = (
-            f"the probes see the shaft turn, the tacho stands at {level:.2f} V: unplugged, without supply, or not "
-            "aimed at the mark"
+            f"the probes measure a turning shaft, but the tacho stays at {level:.2f} V: unplugged, without supply, or "
+            "not aimed at the mark"
         )
         return Check.failed(name, Finding.SILENT, value, limit, advice)
     if low <= level <= high:
-        advice = f"the tacho stands at {level:.2f} V, between its switching levels: unplugged, or levels set wrong"
+        advice = f"the tacho stays at {level:.2f} V, between its switching levels: unplugged, or levels set wrong"
         return Check.failed(name, Finding.LEVELS, value, limit, advice)
     advice = (
-        "nothing turns, so neither the mark nor the direction of the orbit can be judged: turn the shaft by hand and "
-        "look again"
+        "the shaft is at rest, so the mark and the direction of the orbit cannot be checked: turn the shaft by hand "
+        "and repeat the check"
     )
     return Check.warned(name, Finding.STILL, value, limit, advice)
 
@@ -164,7 +168,7 @@ def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
             levels.high > MAX_RANGE_FRACTION * signal.channel.range_high
             or levels.low < MAX_RANGE_FRACTION * signal.channel.range_low
         ):
-            advice = f"the tacho uses up the range of {signal.channel.physical}: a larger range_v, or a divider"
+            advice = f"the tacho reaches the range of {signal.channel.physical}: use a larger range_v, or a divider"
             return Check.warned(name, Finding.CLIPPED, value, limit, advice)
         return Check.passed(name, value, limit)
     if -levels.high < low and -levels.low > high:
@@ -174,51 +178,51 @@ def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
         )
         return Check.failed(name, Finding.REVERSED, value, limit, advice)
     advice = (
-        f"the tacho switches between {value}, the rig reads it at {low:g} and {high:g} V: wrong divider or supply, or "
-        f"[tacho] should be {proposal} (rig calibrate tacho)"
+        f"the tacho switches between {value}, but its switching levels are {low:g} and {high:g} V: wrong divider or "
+        f"supply, or [tacho] should be {proposal} (rig calibrate tacho)"
     )
     return Check.failed(name, Finding.LEVELS, value, limit, advice)
 
 
 def _hysteresis_check(signal: TachoSignal, levels: SignalLevels) -> Check:
-    least, most = HYSTERESIS_RANGE
+    lowest, highest = HYSTERESIS_RANGE
     share = signal.tacho.hysteresis / levels.separation
     name, value = "tacho hysteresis", f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing"
-    limit = f"{100 * least:.0f} to {100 * most:.0f} % of {levels.separation:.2f} V"
-    if least <= share <= most:
+    limit = f"{100 * lowest:.0f} to {100 * highest:.0f} % of {levels.separation:.2f} V"
+    if lowest <= share <= highest:
         return Check.passed(name, value, limit)
-    trouble = "noise on a slow edge counts twice" if share < least else "a pulse that is a little weaker is missed"
-    advice = f"{trouble}: hysteresis_v = {levels.hysteresis:.2g} would suit the tacho's levels (rig calibrate tacho)"
+    effect = "noise on a slow edge counts twice" if share < lowest else "a slightly weaker pulse is missed"
+    advice = f"{effect}: hysteresis_v = {levels.hysteresis:.2g} suits the tacho levels (rig calibrate tacho)"
     return Check.warned(name, Finding.LEVELS, value, limit, advice)
 
 
 def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
-    least = MIN_NOISE_MARGIN * levels.scatter
-    room = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
+    needed = MIN_NOISE_MARGIN * levels.scatter
+    margin = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
     name, value = "tacho noise", f"{1e3 * levels.scatter:.0f} mV rms"
-    limit = f"{1e3 * room / MIN_NOISE_MARGIN:.0f} mV rms"
-    if room >= least:
+    limit = f"{1e3 * margin / MIN_NOISE_MARGIN:.0f} mV rms"
+    if margin >= needed:
         return Check.passed(name, value, limit)
     advice = (
-        f"noise can switch the tacho: threshold_v = {levels.middle:.2g}, hysteresis_v = {levels.hysteresis:.2g} would "
-        "suit its levels; look at its shield"
+        f"noise can switch the tacho: threshold_v = {levels.middle:.2g}, hysteresis_v = {levels.hysteresis:.2g} suit "
+        "its levels; check its shield"
     )
     return Check.warned(name, Finding.NOISE, value, limit, advice)
 
 
-def _pulses_check(signal: TachoSignal, most: float) -> Check:
-    name, limit = "tacho pulses", f"scatter below {100 * most:g} % of the period"
+def _pulses_check(signal: TachoSignal, max_scatter: float) -> Check:
+    name, limit = "tacho pulses", f"scatter below {100 * max_scatter:g} % of the period"
     if signal.edges.size < MIN_EDGES:
-        advice = "too few marks passed for a speed: let it turn faster and look again"
-        return Check.warned(name, Finding.STILL, f"{signal.edges.size} marks", f"at least {MIN_EDGES}", advice)
+        advice = "too few pulses for a speed: turn the shaft faster and repeat the check"
+        return Check.warned(name, Finding.STILL, f"{signal.edges.size} pulses", f"at least {MIN_EDGES}", advice)
     speed, scatter = signal.speed / RPM, signal.scatter
     if np.isnan(scatter):
         return Check.passed(name, f"{speed:,.0f} r/min", limit)
     value = f"{speed:,.0f} r/min, scatter {100 * scatter:.2f} %"
-    if scatter <= most:
+    if scatter <= max_scatter:
         return Check.passed(name, value, limit)
-    advice = "the marks come unevenly: not as many as pulses_per_revolution, a dirty mark, or the sensor too far off"
+    advice = "the pulses are uneven: wrong pulses_per_revolution, a dirty mark, or the sensor too far away"
     return Check.warned(name, Finding.SCATTER, value, limit, advice)
 
 
@@ -226,17 +230,18 @@ def _mark_check(signal: TachoSignal, levels: SignalLevels, tolerance: float) -> 
     configured, seen = signal.tacho.mark_fraction, levels.high_fraction
     name, value = "tacho mark", f"light for {100 * seen:.0f} % of the time"
     limit = f"{100 * configured:.0f} ± {100 * tolerance:.0f} %"
-    whole_turns = signal.edges.size > 1 / tolerance  # else a part of a turn counts too much
+    whole_turns = signal.edges.size > 1 / tolerance  # else an incomplete revolution biases the duty cycle
     if abs(seen - configured) <= tolerance or not whole_turns:
         return Check.passed(name, value, limit)
     if abs(1.0 - seen - configured) <= tolerance:
         other = Edge.FALLING if signal.tacho.edge is Edge.RISING else Edge.RISING
         advice = (
-            f"light and dark are exchanged (NPN for PNP, dark-on for light-on): edge = {other.value!r} may be meant"
+            f"light and dark are exchanged (NPN for PNP, dark-on for light-on): edge = {other.value!r} may be correct"
         )
         return Check.warned(name, Finding.REVERSED, value, limit, advice)
     advice = (
-        "the mark is not as wide as mark_fraction says, or the sensor's sensitivity is off: the speed limit is wrong"
+        "the width of the mark differs from mark_fraction, or the sensitivity of the sensor is wrong: the speed limit "
+        "is wrong"
     )
     return Check.warned(name, Finding.DUTY, value, limit, advice)
 

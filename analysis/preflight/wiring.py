@@ -1,4 +1,4 @@
-"""Whether probes and tacho are wired as the rig says, from a second of their samples."""
+"""Wiring checks of probes and tacho against the configuration, from about a second of samples."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,35 +12,35 @@ from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
 
-MAX_CORRELATION = 0.999  # correlation of two whole signals that are one, if their means are one too,
-MAX_EQUAL_MEAN = 0.01  # V: an orbit may be a straight line, but no two gaps are the same
-MAX_NOISE_CORRELATION = 0.6  # of their noise: two conditioners have none in common
-MIN_MOTION = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz: the shaft turns
-MAX_BACKWARD_RATIO = 3.0  # times the forward circle: no light rotor on its films whirls backward so
-MIN_CIRCLE = 0.05 * MICRO  # m peak: less says nothing of a direction
+MAX_CORRELATION = 0.999  # of two separate signals, unless their means differ
+MAX_EQUAL_MEAN = 0.01  # V: a straight-line orbit is possible, but not two equal gaps
+MAX_NOISE_CORRELATION = 0.6  # of the noise of two conditioners, which is independent
+MIN_MOTION = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
+MAX_BACKWARD_RATIO = 3.0  # of the backward to the forward 1X circle of a light rotor on oil films
+MIN_CIRCLE = 0.05 * MICRO  # m peak, of a circle whose direction is checked
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
 def wiring_checks(
     acquisition: Acquisition, codes: NDArray[np.int16], limits: WiringLimits | None = None
 ) -> tuple[Check, ...]:
-    """Return what is to be said of the wiring, one check a line.
+    """Return the checks of the wiring of probes and tacho.
 
-    What one fault explains is said once: a probe that is unplugged is not said to be silent as well.
+    Each fault is reported once: an unplugged probe gets no further checks.
 
     Parameters
     ----------
     acquisition : Acquisition
-        What the samples mean.
+        Channels, rates, calibrations and tacho.
     codes : ndarray of int16, shape (n_channels, n)
-        A second or so of consecutive samples, with the shaft at rest or turning.
+        About a second of consecutive samples, with the shaft at rest or turning.
     limits : WiringLimits or None
-        What is still good; None for the usual.
+        Limits of the checks; None for the defaults.
 
     Raises
     ------
     ValueError
-        The samples do not fit the acquisition.
+        The samples do not match the acquisition.
     """
     if codes.ndim != 2 or codes.shape[0] != len(acquisition.channels) or codes.shape[1] == 0:
         raise ValueError(f"codes: shape {codes.shape}, expected ({len(acquisition.channels)}, n) with n > 0")
@@ -51,7 +51,7 @@ def wiring_checks(
     tacho = TachoSignal.from_codes(channel, acquisition.tacho, tacho_codes, acquisition.rate)
     pulsing = [probe for probe in probes if _is_switching(probe, tacho)]
     checks = [_pulsing_check(probe, tacho) for probe in pulsing]
-    is_exchanged = bool(pulsing) and tacho.levels is None  # the tacho's own input has a probe's voltage then
+    is_exchanged = bool(pulsing) and tacho.levels is None  # then the tacho input has the voltage of a probe
     angle = None if is_exchanged else tacho.angle
     rest = [probe for probe in probes if probe not in pulsing]
     gaps = [gap_check(probe) for probe in rest]
@@ -59,8 +59,8 @@ def wiring_checks(
     slow = [LowFrequencySignal(probe.displacement, acquisition.rate, angle) for probe in sound]
     checks += gaps
     motion = bool(slow) and all(signal.motion_rms() > MIN_MOTION for signal in slow)
-    untold = np.inf if motion else 0.0
-    turning = untold if angle is None else tacho.speed / (2.0 * np.pi)
+    without_tacho = np.inf if motion else 0.0
+    turning = without_tacho if angle is None else tacho.speed / (2.0 * np.pi)
     for probe, signal in zip(sound, slow, strict=True):
         checks += [clipping_check(probe), calibrated_check(probe), hum_check(probe, signal, turning, limits)]
     if len(sound) == len(ROLES):
@@ -73,7 +73,7 @@ def wiring_checks(
 
 
 def _is_switching(probe: ProbeSignal, tacho: TachoSignal) -> bool:
-    """Return whether a probe's input has a switching sensor's voltage."""
+    """Return whether the input of a probe has the voltage of a switching sensor."""
     levels = find_state_levels(probe.volts)
     return levels is not None and levels.separation > tacho.tacho.hysteresis
 
@@ -83,11 +83,9 @@ def _pulsing_check(probe: ProbeSignal, tacho: TachoSignal) -> Check:
     seen = "pulses" if levels is None else f"pulses, {levels.low:.2f} and {levels.high:.2f} V"
     own, other = probe.channel.physical, tacho.channel.physical
     if tacho.levels is None:
-        advice = (
-            f"{probe.name} shows the tacho's pulses, the tacho does not: the wires at {own} and {other} are exchanged"
-        )
+        advice = f"{probe.name} has the tacho pulses, the tacho has none: the wires at {own} and {other} are exchanged"
         return Check.failed(f"{probe.name} signal", Finding.TACHO_EXCHANGED, seen, "a probe's voltage", advice)
-    advice = f"{probe.name} and the tacho both show pulses: {own} and {other} touch, or one wire goes to both"
+    advice = f"{probe.name} and the tacho both have pulses: {own} and {other} touch, or one wire goes to both"
     return Check.failed(f"{probe.name} signal", Finding.BRIDGED, seen, "a probe's voltage", advice)
 
 
@@ -105,21 +103,21 @@ def _separate_signals_check(first: ProbeSignal, second: ProbeSignal) -> Check:
     if differ and noise < MAX_NOISE_CORRELATION:
         return Check.passed(name, value, limit)
     advice = (
-        f"{first.name} and {second.name} show one and the same signal: {first.channel.physical} and "
-        f"{second.channel.physical} touch, one wire goes to both, or one is open and shows its neighbour's charge"
+        f"{first.name} and {second.name} have the same signal: {first.channel.physical} and "
+        f"{second.channel.physical} touch, one wire goes to both, or one is open and reads the charge of the other"
     )
     return Check.failed(name, Finding.BRIDGED, value, limit, advice)
 
 
 def _correlation(first: FloatArray, second: FloatArray) -> float:
-    """Return the correlation of two signals; 0 where one does not move."""
+    """Return the correlation of two signals; 0 where one is constant."""
     first, second = first - np.mean(first), second - np.mean(second)
     power = float(np.sum(first**2) * np.sum(second**2))
     return float(np.sum(first * second)) / np.sqrt(power) if power > 0.0 else 0.0
 
 
 def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) -> Check:
-    """Return whether 1X goes round with the shaft, as run-out and unbalance make it."""
+    """Return the check that 1X precesses forward, as run-out and unbalance do."""
     forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
     name, limit = "1X direction", "forward"
     value = f"forward {forward / MICRO:.2f}, backward {backward / MICRO:.2f} µm peak"
@@ -127,14 +125,14 @@ def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) 
         return Check.passed(name, value, limit)
     first, second = (probe.channel for probe in probes)
     advice = (
-        f"the orbit goes round against the shaft: probes {first.name} and {second.name} are exchanged (cables at "
+        f"the orbit precesses backward: probes {first.name} and {second.name} are exchanged (cables at "
         f"{first.physical} and {second.physical}), or their angle_deg is wrong"
     )
     return Check.failed(name, Finding.PROBES_EXCHANGED, value, limit, advice)
 
 
 def _circles(channels: list[Channel], vectors: list[complex]) -> tuple[float, float]:
-    """Return the amplitudes, m peak, of the forward and the backward circle that make up an ellipse."""
+    """Return the amplitudes of the forward and the backward circle of an ellipse, m peak."""
     seats = np.array([channel.angle for channel in channels])
     # X_k = F exp(-i a_k) + conj(B) exp(i a_k) for the probe at a_k
     parts = np.linalg.solve(np.stack([np.exp(-1j * seats), np.exp(1j * seats)], axis=1), np.array(vectors))

@@ -1,4 +1,4 @@
-"""What is said of the tacho's counter before a run."""
+"""The preflight check of the tacho counter."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ EDGES: NDArray[np.float64] = 0.004 + 0.01 * np.arange(100.0)
 
 
 def codes(edges: NDArray[np.float64] = EDGES, light: float = 0.004) -> NDArray[np.int16]:
-    """A second of a tacho that rises at these times, s, within 40 µs."""
+    """Return a second of a tacho that rises at these times, s, within 40 µs."""
     time = np.arange(int(RATE)) / RATE + 2 / ACQUISITION.convert_rate
     corners = (edges[:, np.newaxis] + np.array([-2e-5, 2e-5, light - 2e-5, light + 2e-5])).ravel()
     volts = np.interp(time, corners, np.tile([0.0, 5.0, 5.0, 0.0], edges.size))
@@ -44,7 +44,7 @@ def checked(ticks: NDArray[np.int64] | None, *, is_reference: bool = True) -> Ch
     return counter_check(acquisition, codes(), ticks)
 
 
-def test_counter_that_stamps_every_edge_passes_with_the_largest_distance() -> None:
+def test_counter_that_times_every_edge_passes_and_shows_the_largest_difference() -> None:
     check = checked(stamps())
     assert check.verdict is Verdict.GOOD
     assert check.value.startswith(("99 edges, 0.", "100 edges, 0."))
@@ -53,15 +53,15 @@ def test_counter_that_stamps_every_edge_passes_with_the_largest_distance() -> No
 @pytest.mark.parametrize(
     ("ticks", "finding", "advice"),
     [
-        (None, Finding.SILENT, "the counter gave no stamps"),
-        (np.empty(0, np.int64), Finding.SILENT, "PFI0 none: not wired to it"),
+        (None, Finding.SILENT, "no timestamps"),
+        (np.empty(0, np.int64), Finding.SILENT, "PFI0 none"),
         (stamps(np.sort(np.concatenate([EDGES, EDGES[20:40] + 2e-6]))), Finding.COUNT, "missed or doubled at PFI0"),
         (stamps(np.delete(EDGES, [30, 40])), Finding.COUNT, "missed or doubled at PFI0"),
         (stamps(EDGES + 0.004), Finding.REVERSED, "tacho.counter.edge"),
     ],
 )
 @pytest.mark.parametrize("is_reference", [True, False])
-def test_counter_that_differs_fails_where_speed_rests_on_it(
+def test_counter_mismatch_fails_only_if_the_counter_is_the_reference(
     ticks: NDArray[np.int64] | None, finding: Finding, advice: str, *, is_reference: bool
 ) -> None:
     check = checked(ticks, is_reference=is_reference)
@@ -70,24 +70,24 @@ def test_counter_that_differs_fails_where_speed_rests_on_it(
     assert check.verdict is (Verdict.FAIL if is_reference else Verdict.WARN)
 
 
-def test_stamps_that_are_late_by_a_little_are_a_warning() -> None:
+def test_slightly_late_timestamps_are_a_warning() -> None:
     check = checked(stamps(EDGES + 80e-6))
     assert (check.verdict, check.finding) == (Verdict.WARN, Finding.SCATTER)
     assert "up to 80" in check.value
 
 
 @pytest.mark.parametrize("stamped", [0, 100])
-def test_tacho_that_shows_no_edge_leaves_it_open_whatever_was_stamped(stamped: int) -> None:
+def test_samples_without_an_edge_are_inconclusive_for_any_timestamps(stamped: int) -> None:
     still = np.zeros((3, int(RATE)), np.int16)
     check = counter_check(ACQUISITION, still, stamps()[:stamped])
-    assert (check.verdict, check.finding, check.value) == (Verdict.WARN, Finding.INCONCLUSIVE, f"{stamped} stamps")
+    assert (check.verdict, check.finding, check.value) == (Verdict.WARN, Finding.INCONCLUSIVE, f"{stamped} timestamps")
 
 
-def test_shaft_that_hardly_turns_leaves_it_open() -> None:
+def test_too_few_edges_are_a_warning() -> None:
     check = counter_check(ACQUISITION, codes(EDGES[10:12]), stamps(EDGES[10:12]))
     assert (check.verdict, check.finding) == (Verdict.WARN, Finding.STILL)
 
 
-def test_acquisition_without_a_counter_is_misuse() -> None:
+def test_acquisition_without_a_counter_raises() -> None:
     with pytest.raises(ValueError, match="no counter"):
         counter_check(replace(ACQUISITION, tacho=replace(ACQUISITION.tacho, counter=None)), codes(), None)
