@@ -23,14 +23,14 @@ EVERYWHERE = str(IPv4Address(0))
 
 
 @pytest.fixture(scope="module")
-def local() -> Iterator[Bench]:
+def loopback_bench() -> Iterator[Bench]:
     bench = open_bench()
     yield bench
     bench.close()
 
 
 @pytest.fixture(scope="module")
-def open_to_others() -> Iterator[Bench]:
+def public_bench() -> Iterator[Bench]:
     bench = open_bench(host=EVERYWHERE, token=WORD)
     yield bench
     bench.close()
@@ -38,8 +38,8 @@ def open_to_others() -> Iterator[Bench]:
 
 @pytest.mark.parametrize("name", ["localhost", "127.0.0.1", "[::1]", "LOCALHOST"])
 @pytest.mark.parametrize("port", ["", ":8080"])
-def test_local_service_answers_to_the_names_of_its_machine(local: Bench, name: str, port: str) -> None:
-    assert local.raw(f"{API}/runs", {"Host": name + port})[0] == 200
+def test_loopback_service_accepts_loopback_host_names(loopback_bench: Bench, name: str, port: str) -> None:
+    assert loopback_bench.raw(f"{API}/runs", {"Host": name + port})[0] == 200
 
 
 @pytest.mark.parametrize(
@@ -55,17 +55,17 @@ def test_local_service_answers_to_the_names_of_its_machine(local: Bench, name: s
     ],
 )
 @pytest.mark.parametrize("path", [f"{API}/live", "/", "/openapi.json"])
-def test_local_service_turns_away_any_other_name(local: Bench, name: str, path: str) -> None:
-    status, headers, content = local.raw(path, {"Host": name})
+def test_loopback_service_rejects_other_host_names(loopback_bench: Bench, name: str, path: str) -> None:
+    status, headers, content = loopback_bench.raw(path, {"Host": name})
     assert status == 421
     assert headers["content-type"] == "application/problem+json"
     assert ProblemSchema.model_validate_json(content).type == "/docs#host-not-allowed"
 
 
 @pytest.mark.parametrize("scheme", ["Bearer", "bearer", "BEARER "])
-def test_service_for_others_answers_to_any_name_that_bears_the_token(open_to_others: Bench, scheme: str) -> None:
+def test_public_service_accepts_any_host_name_with_the_token(public_bench: Bench, scheme: str) -> None:
     headers = {"Host": "bench.lab.example:8000", "Authorization": f"{scheme} {WORD}"}
-    assert open_to_others.raw(f"{API}/runs", headers)[0] == 200
+    assert public_bench.raw(f"{API}/runs", headers)[0] == 200
 
 
 @pytest.mark.parametrize(
@@ -73,9 +73,9 @@ def test_service_for_others_answers_to_any_name_that_bears_the_token(open_to_oth
     [None, "", "Bearer", "Bearer ", f"Bearer {WORD}x", f"Bearer {WORD[:-1]}", WORD, f"Basic {WORD}", "Bearer é"],
 )
 @pytest.mark.parametrize("path", ["/runs", "/live", "/health", "/nothing", "/runs/x/summary"])
-def test_request_without_the_token_is_turned_away(open_to_others: Bench, authorization: str | None, path: str) -> None:
+def test_request_without_the_token_is_rejected(public_bench: Bench, authorization: str | None, path: str) -> None:
     headers = {} if authorization is None else {"Authorization": authorization}
-    status, answered, content = open_to_others.raw(API + path, headers)
+    status, answered, content = public_bench.raw(API + path, headers)
     assert status == 401
     assert answered["www-authenticate"].startswith("Bearer")
     assert ProblemSchema.model_validate_json(content).type == "/docs#token-required"
@@ -95,19 +95,19 @@ def test_request_without_the_token_is_turned_away(open_to_others: Bench, authori
         f"/api/v1/live/socket?token={WORD}",
     ],
 )
-def test_no_spelling_of_a_path_passes_by_the_token(open_to_others: Bench, target: str) -> None:
-    assert open_to_others.raw(target)[0] == 401
+def test_no_spelling_of_a_path_bypasses_the_token(public_bench: Bench, target: str) -> None:
+    assert public_bench.raw(target)[0] == 401
 
 
 @pytest.mark.parametrize("path", sorted(PUBLIC_PATHS))
-def test_page_comes_without_the_token_and_tells_nothing_of_the_rig(open_to_others: Bench, path: str) -> None:
-    status, _, content = open_to_others.raw(path)
+def test_page_needs_no_token_and_contains_no_data(public_bench: Bench, path: str) -> None:
+    status, _, content = public_bench.raw(path)
     assert status == 200
     assert WORD.encode() not in content
 
 
-def test_schema_tells_of_the_token_where_one_is_needed(local: Bench, open_to_others: Bench) -> None:
-    needed, free = (bench.client.get("/openapi.json").json() for bench in (open_to_others, local))
+def test_openapi_schema_declares_the_token_if_required(loopback_bench: Bench, public_bench: Bench) -> None:
+    needed, free = (bench.client.get("/openapi.json").json() for bench in (public_bench, loopback_bench))
     assert needed["security"] == [{"token": []}]
     assert needed["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
     assert "401" in needed["paths"][f"{API}/runs"]["get"]["responses"]
@@ -116,7 +116,7 @@ def test_schema_tells_of_the_token_where_one_is_needed(local: Bench, open_to_oth
 
 
 @pytest.mark.parametrize("host", [EVERYWHERE, "", "192.168.1.7", "bench.lab.example", "::"])
-def test_service_for_others_without_a_token_is_refused(host: str) -> None:
+def test_public_service_without_a_token_is_refused(host: str) -> None:
     catalogue = FakeCatalogue(make_entries())
     with pytest.raises(ServiceError, match="token"):
         create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, host=host)
@@ -129,9 +129,9 @@ def test_token_that_no_header_can_carry_is_refused(token: str) -> None:
         create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, token=token)
 
 
-def test_answers_say_that_nothing_is_guessed_embedded_or_kept(local: Bench) -> None:
+def test_responses_have_security_headers(loopback_bench: Bench) -> None:
     for path in (f"{API}/runs", f"{API}/live", "/openapi.json", f"{API}/none"):
-        headers = local.client.get(path).headers
+        headers = loopback_bench.client.get(path).headers
         assert headers["content-security-policy"] == "default-src 'none'; frame-ancestors 'none'"
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["cache-control"] == "no-store"
@@ -165,12 +165,12 @@ def test_no_run_id_leads_out_of_the_data_folder(tmp_path: Path, run_id: str, tai
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.0.1.1", "localhost", "Localhost", "::1", "[::1]"])
-def test_loopback_address_is_known_as_one(host: str) -> None:
+def test_loopback_addresses_are_recognised(host: str) -> None:
     assert is_loopback(host)
 
 
 @pytest.mark.parametrize("host", [EVERYWHERE, "10.0.0.1", "::", "127.evil.example", "127", ""])
-def test_address_that_others_reach_is_not_taken_for_loopback(host: str) -> None:
+def test_public_addresses_are_not_taken_for_loopback(host: str) -> None:
     assert not is_loopback(host)
 
 
@@ -178,5 +178,5 @@ def test_address_that_others_reach_is_not_taken_for_loopback(host: str) -> None:
     ("header", "name"),
     [("LocalHost:80", "localhost"), ("[::1]:80", "[::1]"), ("[::1", ""), ("", ""), ("10.0.0.1", "10.0.0.1")],
 )
-def test_host_name_is_read_without_its_port(header: str, name: str) -> None:
+def test_host_header_is_read_without_its_port(header: str, name: str) -> None:
     assert host_without_port(header) == name

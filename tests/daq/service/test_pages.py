@@ -48,7 +48,7 @@ def bench() -> Iterator[Bench]:
 
 
 @pytest.mark.parametrize("path", ["/", "/docs"])
-def test_page_refers_to_nothing_but_the_service_itself(bench: Bench, path: str) -> None:
+def test_page_refers_only_to_the_service_itself(bench: Bench, path: str) -> None:
     response = bench.client.get(path)
     assert response.headers["content-type"] == "text/html; charset=utf-8"
     links = read(response.text)
@@ -63,19 +63,19 @@ def test_page_refers_to_nothing_but_the_service_itself(bench: Bench, path: str) 
 
 
 @pytest.mark.parametrize("name", [*ASSETS, "", "docs"])
-def test_no_file_of_the_page_has_an_external_address(bench: Bench, name: str) -> None:
+def test_page_files_contain_no_external_url(bench: Bench, name: str) -> None:
     text = bench.client.get(f"/{name}").text.replace(VIEWER.replace("&", "&amp;"), "")
     addresses = set(re.findall(r"(?:https?:)?//[A-Za-z0-9.\-]+\.[a-z]{2,}[^\s\"']*", text))
     assert addresses <= {"http://www.w3.org/2000/svg"}  # a name, never fetched
 
 
 @pytest.mark.parametrize("name", ASSETS)
-def test_every_file_of_the_page_has_its_type(bench: Bench, name: str) -> None:
+def test_page_files_have_their_media_type(bench: Bench, name: str) -> None:
     kinds = {"js": "text/javascript; charset=utf-8", "css": "text/css; charset=utf-8", "svg": "image/svg+xml"}
     assert bench.client.get(f"/{name}").headers["content-type"] == kinds[name.rpartition(".")[2]]
 
 
-def test_scripts_import_only_files_that_are_served_and_name_only_elements_that_exist(bench: Bench) -> None:
+def test_scripts_import_served_files_and_use_existing_elements(bench: Bench) -> None:
     ids = set(read(bench.client.get("/").text).ids)
     scripts = {name: bench.client.get(f"/{name}").text for name in ASSETS if name.endswith(".js")}
     for name, text in scripts.items():
@@ -84,7 +84,7 @@ def test_scripts_import_only_files_that_are_served_and_name_only_elements_that_e
         assert named <= ids, name
 
 
-def test_page_embeds_the_viewer_and_allows_frames_of_its_origin_alone(bench: Bench) -> None:
+def test_page_embeds_the_viewer_and_allows_only_its_origin_in_frames(bench: Bench) -> None:
     response = bench.client.get("/")
     assert f'data-viewer="{VIEWER.replace("&", "&amp;")}"' in response.text
     policy = dict(part.strip().split(" ", 1) for part in response.headers["content-security-policy"].split(";"))
@@ -96,7 +96,7 @@ def test_page_embeds_the_viewer_and_allows_frames_of_its_origin_alone(bench: Ben
     assert response.headers["origin-agent-cluster"] == "?1"
 
 
-def test_page_without_a_viewer_allows_no_frame() -> None:
+def test_page_without_a_viewer_allows_no_frames() -> None:
     bench = open_bench(None)
     response = bench.client.get("/")
     assert 'data-viewer=""' in response.text
@@ -107,12 +107,12 @@ def test_page_without_a_viewer_allows_no_frame() -> None:
 @pytest.mark.parametrize(
     "url", ["javascript:alert(1)", "viewer", "http://", "http://a b/", "http://x; script-src *", 'http://x"><script>']
 )
-def test_viewer_address_that_is_none_is_refused(url: str) -> None:
+def test_invalid_viewer_url_is_refused(url: str) -> None:
     with pytest.raises(ValueError, match="viewer_url"):
         origin(url)
 
 
-def test_reference_explains_every_problem_field_and_address(bench: Bench) -> None:
+def test_reference_describes_every_problem_field_and_route(bench: Bench) -> None:
     text = bench.client.get("/docs").text
     ids = read(text).ids
     schema = bench.client.get("/openapi.json").json()
@@ -126,7 +126,7 @@ def test_reference_explains_every_problem_field_and_address(bench: Bench) -> Non
             assert f"<code>{field}</code>" in text, f"{name}.{field}"
 
 
-def test_reference_shows_examples_put_together_from_the_fields(bench: Bench) -> None:
+def test_reference_shows_examples_composed_of_the_fields(bench: Bench) -> None:
     text = bench.client.get("/docs").text
     assert "&quot;speed_rpm&quot;: 11042.1" in text
     assert "<script" not in text

@@ -18,23 +18,23 @@ from daq.service.problems import UnhandledErrorMiddleware
 from daq.service.server import LimitedHttpProtocol, ServiceServer
 
 
-class Hello:
+class HelloApp:
     """An application that answers after ``delay`` s."""
 
     def __init__(self, delay: float = 0.0) -> None:
         self.delay = delay
-        self.asked = threading.Event()
+        self.requested = threading.Event()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        self.asked.set()
+        self.requested.set()
         if self.delay:
             await asyncio.sleep(self.delay)
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b"hello"})
 
 
-def test_server_answers_at_a_free_port_from_start_to_close() -> None:
-    server = ServiceServer(Hello())
+def test_server_responds_on_a_free_port_from_start_to_close() -> None:
+    server = ServiceServer(HelloApp())
     server.start()
     port = server.port
     assert port > 0
@@ -47,7 +47,7 @@ def test_server_answers_at_a_free_port_from_start_to_close() -> None:
 
 def test_server_leaves_no_thread_and_no_signal_handler_behind() -> None:
     threads, handlers = set(threading.enumerate()), [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)]
-    server = ServiceServer(Hello())
+    server = ServiceServer(HelloApp())
     server.start()
     assert [signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)] == handlers
     server.close()
@@ -55,18 +55,18 @@ def test_server_leaves_no_thread_and_no_signal_handler_behind() -> None:
     assert set(threading.enumerate()) == threads
 
 
-def test_taken_address_is_named() -> None:
+def test_start_names_an_address_in_use() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ServiceError, match=f"127.0.0.1:{port}.*in use"):
-            ServiceServer(Hello(), port=port).start()
+            ServiceServer(HelloApp(), port=port).start()
 
 
-def test_taken_address_can_be_had_when_it_is_free_again() -> None:
-    first = ServiceServer(Hello())
+def test_start_succeeds_once_the_address_is_free() -> None:
+    first = ServiceServer(HelloApp())
     first.start()
     httpx.get(first.url)
-    second = ServiceServer(Hello(), port=first.port)
+    second = ServiceServer(HelloApp(), port=first.port)
     with pytest.raises(ServiceError, match="in use"):
         second.start()
     first.close()
@@ -76,26 +76,26 @@ def test_taken_address_can_be_had_when_it_is_free_again() -> None:
 
 
 @pytest.mark.parametrize(("host", "port"), [("203.0.113.7", 0), ("no such host", 0), ("127.0.0.1", 70_000)])
-def test_address_that_cannot_be_had_is_named(host: str, port: int) -> None:
+def test_start_names_an_invalid_address(host: str, port: int) -> None:
     with pytest.raises(ServiceError, match=f"cannot listen at {host}:{port}"):
-        ServiceServer(Hello(), host, port).start()
+        ServiceServer(HelloApp(), host, port).start()
 
 
-def test_close_waits_for_an_answer_under_way() -> None:
-    application = Hello(delay=0.3)
+def test_close_waits_for_a_response_in_progress() -> None:
+    application = HelloApp(delay=0.3)
     server = ServiceServer(application)
     server.start()
     answers: list[str] = []
     asker = threading.Thread(target=lambda: answers.append(httpx.get(server.url).text))
     asker.start()
-    assert application.asked.wait(60.0)
+    assert application.requested.wait(60.0)
     server.close()
     asker.join(60.0)
     assert answers == ["hello"]
 
 
-def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
-    server = ServiceServer(Hello())
+def test_close_does_not_wait_for_an_idle_connection() -> None:
+    server = ServiceServer(HelloApp())
     server.start()
     with httpx.Client(base_url=server.url) as client:
         client.get("/")
@@ -105,28 +105,28 @@ def test_close_does_not_wait_for_a_browser_that_keeps_its_connection() -> None:
 
 
 def test_close_does_not_wait_longer_than_its_deadline(caplog: pytest.LogCaptureFixture) -> None:
-    application = Hello(delay=60.0)
+    application = HelloApp(delay=60.0)
     server = ServiceServer(application)
     server.start()
     with socket.create_connection(("127.0.0.1", server.port)) as asker:
         asker.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        assert application.asked.wait(60.0)
+        assert application.requested.wait(60.0)
         began = time.monotonic()
         server.close(deadline=0.3)
         assert time.monotonic() - began < 30.0
     assert not caplog.records
 
 
-def test_started_server_is_not_started_again() -> None:
-    server = ServiceServer(Hello())
+def test_server_cannot_be_started_twice() -> None:
+    server = ServiceServer(HelloApp())
     server.start()
     with pytest.raises(ValueError, match="started already"):
         server.start()
     server.close()
 
 
-def test_answers_in_two_writes_do_not_wait_for_acknowledgement() -> None:
-    server = ServiceServer(Hello())
+def test_response_in_two_writes_does_not_wait_for_acknowledgement() -> None:
+    server = ServiceServer(HelloApp())
     server.start()
     took = []
     with httpx.Client(base_url=server.url) as client:
@@ -147,11 +147,11 @@ def test_answers_in_two_writes_do_not_wait_for_acknowledgement() -> None:
         ("bench", "http://bench:80"),
     ],
 )
-def test_url_is_one_that_a_browser_here_can_open(host: str, url: str) -> None:
-    assert ServiceServer(Hello(), host, 80).url == url
+def test_url_opens_in_a_browser_on_this_machine(host: str, url: str) -> None:
+    assert ServiceServer(HelloApp(), host, 80).url == url
 
 
-def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> None:
+def test_response_that_fails_after_its_start_is_not_completed() -> None:
     class BreaksOff:
         async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
             await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"10")]})
@@ -165,7 +165,7 @@ def test_answer_that_breaks_off_after_it_began_is_not_passed_off_as_whole() -> N
     server.close()
 
 
-class Hasty(LimitedHttpProtocol):
+class StrictProtocol(LimitedHttpProtocol):
     """A connection of a server for few and quick clients."""
 
     max_connections = 3
@@ -173,37 +173,37 @@ class Hasty(LimitedHttpProtocol):
 
 
 @pytest.fixture
-def hasty() -> Iterator[ServiceServer]:
-    server = ServiceServer(Hello(), protocol=Hasty)
+def strict_server() -> Iterator[ServiceServer]:
+    server = ServiceServer(HelloApp(), protocol=StrictProtocol)
     server.start()
     yield server
     server.close()
 
 
-def sends(server: ServiceServer, text: bytes) -> socket.socket:
+def send_text(server: ServiceServer, text: bytes) -> socket.socket:
     client = socket.create_connection(("127.0.0.1", server.port), timeout=10.0)
     client.sendall(text)
     return client
 
 
-def left(client: socket.socket) -> bytes:
+def receive_rest(client: socket.socket) -> bytes:
     """What still comes until the server closes the connection."""
     with client:
         return b"".join(iter(lambda: client.recv(65_536), b""))
 
 
-@pytest.mark.parametrize("begun", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\nX-"])
-def test_client_that_does_not_come_to_the_point_is_let_go(hasty: ServiceServer, begun: bytes) -> None:
-    assert left(sends(hasty, begun)) == b""
+@pytest.mark.parametrize("partial_request", [b"", b"GET / HTTP/1.1\r\nHost: localhost\r\nX-"])
+def test_connection_without_a_complete_request_is_closed(strict_server: ServiceServer, partial_request: bytes) -> None:
+    assert receive_rest(send_text(strict_server, partial_request)) == b""
 
 
-def test_next_request_has_its_time_too(hasty: ServiceServer) -> None:
+def test_timeout_applies_to_the_next_request_too(strict_server: ServiceServer) -> None:
     request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
-    client, answered = sends(hasty, request), b""
+    client, answered = send_text(strict_server, request), b""
     while not answered.endswith(b"0\r\n\r\n"):
         answered += client.recv(65_536)
     client.sendall(request[:9])
-    assert left(client) == b""
+    assert receive_rest(client) == b""
 
 
 def trickle(client: socket.socket) -> None:
@@ -213,17 +213,17 @@ def trickle(client: socket.socket) -> None:
         time.sleep(0.1)
 
 
-def test_client_that_sends_letter_by_letter_is_let_go(hasty: ServiceServer) -> None:
-    with sends(hasty, b"GET / HTTP/1.1\r\n") as client, pytest.raises(ConnectionError):
+def test_connection_of_a_slow_sender_is_closed(strict_server: ServiceServer) -> None:
+    with send_text(strict_server, b"GET / HTTP/1.1\r\n") as client, pytest.raises(ConnectionError):
         trickle(client)
 
 
-def test_client_too_many_is_asked_to_come_again_and_finds_room_later(hasty: ServiceServer) -> None:
-    idle = [sends(hasty, b"") for _ in range(Hasty.max_connections)]
-    refused = left(sends(hasty, b""))
+def test_connection_above_the_limit_gets_busy_and_succeeds_later(strict_server: ServiceServer) -> None:
+    idle = [send_text(strict_server, b"") for _ in range(StrictProtocol.max_connections)]
+    refused = receive_rest(send_text(strict_server, b""))
     assert refused.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
     problem = ProblemSchema.model_validate_json(refused.partition(b"\r\n\r\n")[2])
     assert problem.type == "/docs#busy"
     for client in idle:
-        assert left(client) == b""
-    assert httpx.get(hasty.url).status_code == 200
+        assert receive_rest(client) == b""
+    assert httpx.get(strict_server.url).status_code == 200

@@ -20,9 +20,9 @@ from recordings.errors import DamagedError
 PATIENCE = 60.0  # s: a process starts
 
 
-def until(said: Callable[[], bool]) -> None:
+def wait_until(condition: Callable[[], bool]) -> None:
     end = time.monotonic() + PATIENCE
-    while not said():
+    while not condition():
         assert time.monotonic() < end
         time.sleep(0.01)
 
@@ -37,23 +37,23 @@ def fail(message: str) -> None:
     raise DamagedError(message)
 
 
-def test_work_is_done_elsewhere_with_less_priority(processes: WorkerPool) -> None:
+def test_function_runs_in_another_process_with_lower_priority(processes: WorkerPool) -> None:
     assert processes.run(os.getpid) != os.getpid()
     if sys.platform != "win32":
         assert processes.run(os.nice, 0) > os.nice(0)
 
 
-def test_process_is_the_same_from_one_piece_of_work_to_the_next(processes: WorkerPool) -> None:
+def test_process_is_reused_for_the_next_function(processes: WorkerPool) -> None:
     assert processes.run(os.getpid) == processes.run(os.getpid)
 
 
-def test_what_the_work_raises_is_raised_where_it_was_asked_for(processes: WorkerPool) -> None:
+def test_exception_is_raised_in_the_caller(processes: WorkerPool) -> None:
     with pytest.raises(DamagedError, match=r"r\.mcap"):
         processes.run(fail, "r.mcap: cut")
     assert processes.run(len, "abc") == 3
 
 
-class UnsendableError(Exception):
+class UnpicklableError(Exception):
     """Made of more than its words."""
 
     def __init__(self, file: str, line: int) -> None:
@@ -72,8 +72,8 @@ def wrong_device() -> None:
     raise DeviceError(DeviceFault.BUSY, "Dev1 is in use", -50103)
 
 
-def wrong_beyond_words() -> None:
-    raise UnsendableError("rig.toml", 7)
+def unpicklable_error() -> None:
+    raise UnpicklableError("rig.toml", 7)
 
 
 @pytest.mark.parametrize(
@@ -82,10 +82,10 @@ def wrong_beyond_words() -> None:
         (wrong_configuration, ConfigError, "rig.toml: 2 errors\n  one\n  two"),
         (wrong_rotor, TableError, "one; two"),
         (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
-        (wrong_beyond_words, RuntimeError, "UnsendableError: rig.toml: line 7"),
+        (unpicklable_error, RuntimeError, "UnsendableError: rig.toml: line 7"),
     ],
 )
-def test_error_comes_with_all_that_it_tells(
+def test_error_keeps_its_type_and_text(
     processes: WorkerPool, work: Callable[[], None], error: type[Exception], words: str
 ) -> None:
     with pytest.raises(error) as raised:
@@ -93,13 +93,13 @@ def test_error_comes_with_all_that_it_tells(
     assert str(raised.value) == words
 
 
-def test_process_that_goes_away_is_told_and_replaced(processes: WorkerPool) -> None:
+def test_dead_process_is_reported_and_replaced(processes: WorkerPool) -> None:
     with pytest.raises(WorkerStoppedError):
         processes.run(os._exit, 3)
     assert processes.run(len, "abc") == 3
 
 
-def test_work_that_takes_too_long_is_given_up() -> None:
+def test_function_is_cancelled_at_its_time_limit() -> None:
     with WorkerPool(1, time_limit=PATIENCE) as processes:
         processes.run(len, "")  # begun, so that the deadline below is the work's alone
         processes._time_limit = 0.5
@@ -108,33 +108,33 @@ def test_work_that_takes_too_long_is_given_up() -> None:
         assert processes.run(time.sleep, 0.6, time_limit=PATIENCE) is None
 
 
-def count(tell: Callable[[int], None], numbers: int) -> str:
+def count(report: Callable[[int], None], numbers: int) -> str:
     for number in range(numbers):
-        tell(number)
+        report(number)
     return "done"
 
 
-def test_work_tells_how_it_goes() -> None:
+def test_function_reports_progress() -> None:
     process, progress = WorkerProcess(), list[int]()
     assert process.run(count, (3,), PATIENCE, progress.append) == "done"
     assert progress == [0, 1, 2]
     process.stop()
 
 
-def chatter(tell: Callable[[int], None]) -> None:
+def report_continually(report: Callable[[int], None]) -> None:
     while True:
-        tell(0)
+        report(0)
         time.sleep(0.01)
 
 
-def test_work_that_talks_and_talks_is_given_up_in_time() -> None:
+def test_time_limit_holds_while_progress_arrives_continually() -> None:
     process = WorkerProcess()
     process.run(count, (1,), PATIENCE, lambda _: None)
     with pytest.raises(WorkerTimeoutError):
-        process.run(chatter, (), 0.5, lambda _: None)
+        process.run(report_continually, (), 0.5, lambda _: None)
 
 
-def test_closing_gives_up_what_is_under_way() -> None:
+def test_close_cancels_running_functions() -> None:
     processes = WorkerPool(1, time_limit=60.0)
     processes.run(len, "")
     progress: list[str] = []
@@ -148,49 +148,49 @@ def test_closing_gives_up_what_is_under_way() -> None:
     threads = [threading.Thread(target=wait) for _ in range(2)]
     for thread in threads:
         thread.start()
-    until(processes._idle.empty)
+    wait_until(processes._idle.empty)
     processes.close()
     for thread in threads:
         thread.join(PATIENCE)
     assert progress == ["the service is shutting down"] * 2
 
 
-def stand_still() -> None:
+def hang() -> None:
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
-def stand_still_in_the_midst_of_an_answer() -> None:
+def hang_in_the_middle_of_a_message() -> None:
     (pipe,) = (one for one in gc.get_objects() if isinstance(one, Connection))
     os.write(pipe.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
-    stand_still()
+    hang()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_process_that_stands_still_is_ended_when_its_time_is_over() -> None:
+def test_hung_process_is_killed_at_its_time_limit() -> None:
     process = WorkerProcess()
     process.run(len, ("",), PATIENCE)
     child = process._process
     assert child is not None
     with pytest.raises(WorkerTimeoutError):
-        process.run(stand_still, (), 0.1)
+        process.run(hang, (), 0.1)
     assert not child.is_alive()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_closing_ends_a_process_that_stands_still_in_the_midst_of_an_answer() -> None:
+def test_close_kills_a_process_that_hangs_in_the_middle_of_a_message() -> None:
     processes = WorkerPool(1, time_limit=PATIENCE)
     progress: list[str] = []
 
     def wait() -> None:
         try:
-            processes.run(stand_still_in_the_midst_of_an_answer)
+            processes.run(hang_in_the_middle_of_a_message)
         except WorkerStoppedError as error:
             progress.append(str(error))
 
     thread = threading.Thread(target=wait)
     thread.start()
     (process,) = processes._workers
-    until(lambda: process._process is not None and psutil.Process(process._process.pid).status() == "stopped")
+    wait_until(lambda: process._process is not None and psutil.Process(process._process.pid).status() == "stopped")
     child = process._process
     assert child is not None
     processes.close()

@@ -32,7 +32,7 @@ OF_RUN = {"source": "run", "run": RUN}
 VOLTS = {name: {"source": name} for name in ("x", "y", "tacho")}
 
 
-def volts() -> Table:
+def shaft_table() -> Table:
     """Return a shaft that turns at 6000 r/min, V."""
     time = np.arange(ROWS) / RATE
     turn = 2 * np.pi * 100.0 * time
@@ -64,24 +64,24 @@ def bench(served: RecordedBench) -> Iterator[RecordedBench]:
         served.client.delete(f"{API}/uploads/{upload['upload']}")
 
 
-def sent(bench: RecordedBench, name: str, content: bytes) -> httpx.Response:
+def post_upload(bench: RecordedBench, name: str, content: bytes) -> httpx.Response:
     return bench.client.post(f"{API}/uploads", params={"name": name}, content=content, headers=OCTETS)
 
 
-def kept(bench: RecordedBench, name: str, content: bytes) -> str:
+def upload_file(bench: RecordedBench, name: str, content: bytes) -> str:
     """Send a file in; return its id."""
-    response = sent(bench, name, content)
+    response = post_upload(bench, name, content)
     assert response.status_code == 201, response.text
     upload: str = response.json()["upload"]
     return upload
 
 
-def ordered(bench: RecordedBench, upload: str, rig: object = OF_RUN, **mapping: Any) -> httpx.Response:
+def request_import(bench: RecordedBench, upload: str, rig: object = OF_RUN, **mapping: Any) -> httpx.Response:
     order = {"kind": "import", "upload": upload, "rig": rig, "mapping": {"channel": VOLTS, **mapping}}
     return bench.client.post(f"{API}/jobs", json=order)
 
 
-def ended(bench: RecordedBench, response: httpx.Response) -> JobSchema:
+def wait_for_job(bench: RecordedBench, response: httpx.Response) -> JobSchema:
     """Follow a job to its end."""
     assert response.status_code == 202, response.text
     with bench.client.stream("GET", response.json()["events"]) as stream:
@@ -89,9 +89,9 @@ def ended(bench: RecordedBench, response: httpx.Response) -> JobSchema:
     return JobSchema.model_validate_json(told[-1])
 
 
-def imported(bench: RecordedBench, response: httpx.Response) -> dict[str, Any]:
+def imported_run(bench: RecordedBench, response: httpx.Response) -> dict[str, Any]:
     """Return the run that a job has made."""
-    job = ended(bench, response)
+    job = wait_for_job(bench, response)
     assert job.state == "done", job.detail
     assert job.result is not None
     run: dict[str, Any] = bench.client.get(job.result).json()
@@ -99,27 +99,27 @@ def imported(bench: RecordedBench, response: httpx.Response) -> dict[str, Any]:
 
 
 @pytest.fixture
-def written(tmp_path: Path) -> Callable[[str], bytes]:
+def shaft_file(tmp_path: Path) -> Callable[[str], bytes]:
     """Returns the shaft's volts in the form of a file of a name."""
 
     def content(name: str) -> bytes:
         path = tmp_path / name
-        write_table(path, volts())
+        write_table(path, shaft_table())
         return path.read_bytes()
 
     return content
 
 
-def test_tdms_file_is_looked_into_and_becomes_the_run_that_the_command_makes(
-    bench: RecordedBench, written: Callable[[str], bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_tdms_file_is_imported_as_by_the_command(
+    bench: RecordedBench, shaft_file: Callable[[str], bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    upload = kept(bench, "Läufer 1.TDMS", written("run.tdms"))
+    upload = upload_file(bench, "Läufer 1.TDMS", shaft_file("run.tdms"))
     seen = bench.client.get(f"{API}/uploads/{upload}/columns").json()
     assert (seen["name"], seen["rows"], seen["rate_hz"]) == ("Läufer 1.TDMS", ROWS, RATE)
     assert [column["name"] for column in seen["columns"]] == ["run/x", "run/y", "run/tacho"]
     assert seen["columns"][0] == {"name": "run/x", "unit": "V", "lowest": pytest.approx(4.7), "highest": 5.3}
     channel = {name: {"source": f"run/{name}"} for name in VOLTS}
-    run = imported(bench, ordered(bench, upload, channel=channel, note="over REST"))
+    run = imported_run(bench, request_import(bench, upload, channel=channel, note="over REST"))
     assert (run["rig"], run["note"], run["is_complete"], run["samples"]) == ("test-rig", "over REST", True, ROWS)
     assert bench.client.get(f"{API}/runs/{run['run']}").json() == run
     assert verify(bench.folder / f"{run['run']}.mcap").verdict is Verdict.SOUND
@@ -147,8 +147,8 @@ def lvm(table: Table) -> str:
 @pytest.mark.parametrize(
     "suffix", [".lvm", *(pytest.param(name, marks=pytest.mark.campaign) for name in (".csv", ".mat", ".uff", ".wav"))]
 )
-def test_other_formats_become_runs_too(bench: RecordedBench, tmp_path: Path, suffix: str) -> None:
-    path, table, channel = tmp_path / f"run{suffix}", volts(), VOLTS
+def test_other_formats_are_imported(bench: RecordedBench, tmp_path: Path, suffix: str) -> None:
+    path, table, channel = tmp_path / f"run{suffix}", shaft_table(), VOLTS
     if suffix == ".lvm":
         path.write_text(lvm(table), encoding="utf-8")
     elif suffix == ".wav":
@@ -157,25 +157,27 @@ def test_other_formats_become_runs_too(bench: RecordedBench, tmp_path: Path, suf
         channel = {name: {"source": str(k), "unit": "mV"} for k, name in enumerate(VOLTS, 1)}
     else:
         write_table(path, table)
-    run = imported(bench, ordered(bench, kept(bench, path.name, path.read_bytes()), channel=channel))
+    run = imported_run(bench, request_import(bench, upload_file(bench, path.name, path.read_bytes()), channel=channel))
     assert (run["samples"], run["sample_rate_hz"]) == (ROWS, RATE)
     rows = bench.client.get(f"{API}/runs/{run['run']}/order-vectors").json()["by_speed"]
     assert rows[0]["speed_rpm"] == pytest.approx(6000.0, rel=1e-3)
 
 
-def test_rig_may_be_sent_as_text_with_its_calibrations(bench: RecordedBench, written: Callable[[str], bytes]) -> None:
+def test_import_accepts_a_rig_as_toml_with_calibrations(
+    bench: RecordedBench, shaft_file: Callable[[str], bytes]
+) -> None:
     record = {"calibration": CALIBRATION}
     text = (bench.folder.parent / "rig.toml").read_text(encoding="utf-8")
-    upload = kept(bench, "run.csv", written("run.csv"))
+    upload = upload_file(bench, "run.csv", shaft_file("run.csv"))
     rig = {"source": "toml", "toml": text, "calibrations": {"x": record, "y": record}}
-    by_text, by_run = (imported(bench, ordered(bench, upload, one)) for one in (rig, OF_RUN))
+    by_text, by_run = (imported_run(bench, request_import(bench, upload, one)) for one in (rig, OF_RUN))
     headers = []
     for run in (by_text, by_run):
         with RunReader(bench.folder / f"{run['run']}.mcap") as reader:
             headers.append(reader.header)
     assert headers[0].acquisition == headers[1].acquisition
     assert headers[0].config_toml == headers[1].config_toml
-    refused = ordered(bench, upload, {**rig, "calibrations": {"x": record}})
+    refused = request_import(bench, upload, {**rig, "calibrations": {"x": record}})
     assert refused.status_code == 422
     assert "expected the calibration of 'y'" in refused.json()["detail"]
 
@@ -189,14 +191,14 @@ def test_rig_may_be_sent_as_text_with_its_calibrations(bench: RecordedBench, wri
         ({"rig": "../../tmp"}, "small letters, digits and hyphens"),
     ],
 )
-def test_no_path_in_a_rig_s_text_reaches_the_disk(
-    bench: RecordedBench, written: Callable[[str], bytes], changes: dict[str, object], named: str
+def test_paths_in_a_rig_s_toml_do_not_reach_the_disk(
+    bench: RecordedBench, shaft_file: Callable[[str], bytes], changes: dict[str, object], named: str
 ) -> None:
     record = {"calibration": CALIBRATION}
     text = to_toml(merged(TABLES, changes))
     rig = {"source": "toml", "toml": text, "calibrations": {"x": record, "y": record}}
-    answer = ordered(bench, kept(bench, "run.csv", written("run.csv")), rig)
-    detail = ended(bench, answer).detail if answer.status_code == 202 else answer.json()["detail"]
+    answer = request_import(bench, upload_file(bench, "run.csv", shaft_file("run.csv")), rig)
+    detail = wait_for_job(bench, answer).detail if answer.status_code == 202 else answer.json()["detail"]
     assert named in detail
 
 
@@ -204,22 +206,20 @@ def test_no_path_in_a_rig_s_text_reaches_the_disk(
     "name",
     ["../run.csv", "a/run.csv", "C:\\run.csv", "c:run.csv", "run.exe", ".csv", "run", "", "r\x00n.csv", "a\nb.csv"],
 )
-def test_name_that_is_none_is_refused(bench: RecordedBench, name: str) -> None:
+def test_invalid_upload_name_is_refused(bench: RecordedBench, name: str) -> None:
     before = sorted(bench.folder.parent.rglob("*"))
-    assert sent(bench, name, b"x\n1\n").status_code == 422
+    assert post_upload(bench, name, b"x\n1\n").status_code == 422
     assert sorted(bench.folder.parent.rglob("*")) == before
 
 
-def test_name_stays_away_from_the_disk(bench: RecordedBench) -> None:
-    kept(bench, "-rf; $(reboot) ..csv.csv", b"x\n1\n")
+def test_upload_name_does_not_reach_the_disk(bench: RecordedBench) -> None:
+    upload_file(bench, "-rf; $(reboot) ..csv.csv", b"x\n1\n")
     held = [path.name for path in (bench.folder / ".rig" / "uploads").rglob("*") if path.is_file()]
     assert held == ["upload.csv"]
 
 
-def test_mapping_that_does_not_fit_is_refused_before_anything_is_done(
-    bench: RecordedBench, written: Callable[[str], bytes]
-) -> None:
-    upload = kept(bench, "run.csv", written("run.csv"))
+def test_mapping_that_does_not_fit_is_refused_at_once(bench: RecordedBench, shaft_file: Callable[[str], bytes]) -> None:
+    upload = upload_file(bench, "run.csv", shaft_file("run.csv"))
     for mapping, named in (
         ({"channel": {"x": {"source": "x"}}}, "channel.y: is missing"),
         ({"channel": VOLTS | {"z": {"source": "x"}}}, "channel.z: the rig has no such channel"),
@@ -230,15 +230,15 @@ def test_mapping_that_does_not_fit_is_refused_before_anything_is_done(
         ({"rate_hz": 1e308}, "less than or equal to"),
         ({"path": "/etc/passwd"}, "Extra inputs"),
     ):
-        refused = ordered(bench, upload, **mapping)
+        refused = request_import(bench, upload, **mapping)
         assert refused.status_code == 422, mapping
         assert named in refused.json()["detail"]
 
 
-def test_file_that_cannot_be_imported_is_said_without_its_place_on_the_disk(
-    bench: RecordedBench, written: Callable[[str], bytes]
+def test_import_error_does_not_reveal_the_path_on_disk(
+    bench: RecordedBench, shaft_file: Callable[[str], bytes]
 ) -> None:
-    whole = written("run.csv")
+    whole = shaft_file("run.csv")
     runs = bench.client.get(f"{API}/runs").json()["total"]
     for content, mapping, named in (
         (whole[:-3], {}, "run.csv: line 5004, the last one, has no line end"),
@@ -246,26 +246,26 @@ def test_file_that_cannot_be_imported_is_said_without_its_place_on_the_disk(
         (whole, {"channel": VOLTS | {"x": {"source": "z"}}}, "no column 'z'; there are 'x', 'y', 'tacho'"),
         (whole, {"rate_hz": 1000.0}, "run.csv says 5000"),
     ):
-        upload = kept(bench, "run.csv", content)
-        job = ended(bench, ordered(bench, upload, **mapping))
+        upload = upload_file(bench, "run.csv", content)
+        job = wait_for_job(bench, request_import(bench, upload, **mapping))
         assert (job.state, job.detail.count(str(bench.folder))) == ("failed", 0)
         assert named in job.detail
     assert bench.client.get(f"{API}/runs").json()["total"] == runs
-    refused = bench.client.get(f"{API}/uploads/{kept(bench, 'run.mat', whole)}/columns")
+    refused = bench.client.get(f"{API}/uploads/{upload_file(bench, 'run.mat', whole)}/columns")
     assert (refused.status_code, refused.json()["type"]) == (409, "/docs#unreadable-upload")
     assert refused.json()["detail"].startswith("run.mat: ")
 
 
-def test_run_that_was_imported_is_no_rig(bench: RecordedBench, written: Callable[[str], bytes]) -> None:
-    upload = kept(bench, "run.csv", written("run.csv"))
-    run = imported(bench, ordered(bench, upload))["run"]
-    refused = ordered(bench, upload, {"source": "run", "run": run})
+def test_imported_run_cannot_provide_the_rig(bench: RecordedBench, shaft_file: Callable[[str], bytes]) -> None:
+    upload = upload_file(bench, "run.csv", shaft_file("run.csv"))
+    run = imported_run(bench, request_import(bench, upload))["run"]
+    refused = request_import(bench, upload, {"source": "run", "run": run})
     assert refused.status_code == 422
     assert "was imported" in refused.json()["detail"]
 
 
 def test_uploads_are_listed_and_deleted(bench: RecordedBench) -> None:
-    first, second = (kept(bench, name, b"x\n1\n2\n") for name in ("one.csv", "two.csv"))
+    first, second = (upload_file(bench, name, b"x\n1\n2\n") for name in ("one.csv", "two.csv"))
     listed = bench.client.get(f"{API}/uploads").json()["uploads"]
     assert [(one["upload"], one["name"], one["size_bytes"]) for one in listed] == [
         (second, "two.csv", 6), (first, "one.csv", 6),
@@ -276,13 +276,13 @@ def test_uploads_are_listed_and_deleted(bench: RecordedBench) -> None:
         bench.client.get(f"{API}/uploads/{first}"),
         bench.client.get(f"{API}/uploads/{first}/columns"),
         bench.client.delete(f"{API}/uploads/{first}"),
-        ordered(bench, first),
+        request_import(bench, first),
     ):
         assert (gone.status_code, gone.json()["type"]) == (404, "/docs#upload-not-found")
     assert not (bench.folder / ".rig" / "uploads" / first).exists()
 
 
-def test_upload_is_refused_that_is_too_large_of_another_type_or_of_another_site(bench: RecordedBench) -> None:
+def test_upload_with_wrong_size_type_or_site_is_refused(bench: RecordedBench) -> None:
     address = f"{API}/uploads?name=run.csv"
     connection = http.client.HTTPConnection(bench.client.base_url.host, bench.client.base_url.port, timeout=60)
     connection.putrequest("POST", address)
@@ -300,36 +300,36 @@ def test_upload_is_refused_that_is_too_large_of_another_type_or_of_another_site(
     assert bench.client.get(f"{API}/uploads").json() == {"uploads": []}
 
 
-def test_upload_needs_the_token_where_others_reach_the_service(tmp_path: Path) -> None:
+def test_upload_requires_the_token(tmp_path: Path) -> None:
     opened = open_recorded_bench(tmp_path, host="0.0.0.0", token="secret")  # noqa: S104, S106 - as if
     try:
-        assert sent(opened, "run.csv", b"x\n1\n").status_code == 401
+        assert post_upload(opened, "run.csv", b"x\n1\n").status_code == 401
         opened.client.headers["Authorization"] = "Bearer secret"
-        assert sent(opened, "run.csv", b"x\n1\n").status_code == 201
+        assert post_upload(opened, "run.csv", b"x\n1\n").status_code == 201
     finally:
         opened.close()
     assert not list((tmp_path / ".rig" / "uploads").iterdir()), "nothing is left when the service ends"
 
 
-def test_uploads_are_forgotten_and_limited_in_number(tmp_path: Path) -> None:
-    def put(uploads: UploadStore, name: str) -> str:
+def test_uploads_expire_and_are_limited_in_number(tmp_path: Path) -> None:
+    def add_upload(uploads: UploadStore, name: str) -> str:
         place = uploads.path_for(name)
         place.parent.mkdir(parents=True)
         place.write_bytes(b"x")
         return uploads.add(name, place, 1).id
 
     passing, lasting = UploadStore(tmp_path / "a", retention_time=0.0), UploadStore(tmp_path / "b")
-    put(passing, "run.csv")
+    add_upload(passing, "run.csv")
     assert passing.list_uploads() == ()
     assert not list((tmp_path / "a/.rig/uploads").iterdir())
     for _ in range(16):
-        put(lasting, "run.csv")
+        add_upload(lasting, "run.csv")
     with pytest.raises(UploadStoreFullError, match="16 uploads are stored"):
         lasting.path_for("run.csv")
 
 
-def test_content_that_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
-    async def take() -> None:
+def test_upload_that_stalls_times_out(tmp_path: Path) -> None:
+    async def receive() -> None:
         first = iter([{"type": "http.request", "body": b"some", "more_body": True}])
 
         async def receive() -> dict[str, Any]:
@@ -343,5 +343,5 @@ def test_content_that_does_not_come_is_not_waited_for(tmp_path: Path) -> None:
         await incoming.receive(request, tmp_path / "new" / "file")
 
     with pytest.raises(ProblemError, match=r"4 bytes in 0\.05 s after 0"):
-        asyncio.run(take())
+        asyncio.run(receive())
     assert not list((tmp_path / "new").iterdir())

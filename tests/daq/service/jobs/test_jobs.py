@@ -53,35 +53,35 @@ def bench(served: RecordedBench) -> Iterator[RecordedBench]:
         served.client.delete(f"{API}/jobs/{job['job']}")
 
 
-def begun(bench: RecordedBench, **order: object) -> str:
+def start_job(bench: RecordedBench, **job_request: object) -> str:
     """Begin a job; return its address."""
-    response = bench.client.post(f"{API}/jobs", json=order)
+    response = bench.client.post(f"{API}/jobs", json=job_request)
     assert response.status_code == 202, response.text
     assert JobSchema.model_validate_json(response.content).state in {"waiting", "running"}
     return response.headers["location"]
 
 
-def ended(bench: RecordedBench, place: str) -> JobSchema:
+def wait_for_job(bench: RecordedBench, url: str) -> JobSchema:
     """Wait for a job."""
     until = time.monotonic() + 120.0
     while time.monotonic() < until:
-        job = JobSchema.model_validate_json(bench.client.get(place).content)
+        job = JobSchema.model_validate_json(bench.client.get(url).content)
         if job.state.is_final:
             return job
         time.sleep(0.05)
-    raise AssertionError(f"{place} did not end")
+    raise AssertionError(f"{url} did not end")
 
 
-def result(bench: RecordedBench, **order: object) -> Any:
+def run_job(bench: RecordedBench, **job_request: object) -> Any:
     """Do a job and return its result."""
-    place = begun(bench, **order)
-    job = ended(bench, place)
+    url = start_job(bench, **job_request)
+    job = wait_for_job(bench, url)
     assert job.state == "done", job.detail
-    assert job.result == f"{place}/result"
+    assert job.result == f"{url}/result"
     return bench.client.get(job.result)
 
 
-def data_of(lines: Iterator[str]) -> Iterator[Any]:
+def event_data(lines: Iterator[str]) -> Iterator[Any]:
     """The documents of a stream of events."""
     return (json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
 
@@ -91,40 +91,42 @@ def problem(response: Any) -> tuple[int, str]:
     return response.status_code, response.json()["type"].removeprefix("/docs#")
 
 
-def test_job_makes_the_very_answer_of_an_address(bench: RecordedBench) -> None:
-    made = result(bench, kind="result", run=RUN, path="cascade", parameters={"rows": 20})
+def test_result_job_returns_the_response_of_the_route(bench: RecordedBench) -> None:
+    made = run_job(bench, kind="result", run=RUN, path="cascade", parameters={"rows": 20})
     assert made.headers["content-type"] == "application/json"
     assert made.json() == bench.get("/cascade", rows=20).json()
 
 
-def test_job_sums_a_run_up_as_address_and_command_do(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
-    made = result(bench, kind="result", run=RUN, path="summary").json()
+def test_summary_job_returns_the_summary_of_route_and_command(
+    bench: RecordedBench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made = run_job(bench, kind="result", run=RUN, path="summary").json()
     assert made["agreement"] is not None, "a job has time for the model"
     assert bench.get("/summary").json() == made
     assert main(["summary", RUN, "--folder", str(bench.folder), "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == made
 
 
-def test_job_analyses_samples_anew_and_finds_what_was_found_live(bench: RecordedBench) -> None:
+def test_reanalysis_job_reproduces_the_live_results(bench: RecordedBench) -> None:
     with RunReader(bench.folder / f"{RUN}.mcap") as reader:
         expected = summary_schema(summarise(reader)).model_dump(mode="json")
-    made = result(bench, kind="analysis", run=RUN).json()
+    made = run_job(bench, kind="analysis", run=RUN).json()
     assert made["by_speed"] == expected["by_speed"]
 
 
-def test_job_analyses_with_a_corrected_calibration(bench: RecordedBench) -> None:
+def test_reanalysis_job_uses_a_corrected_calibration(bench: RecordedBench) -> None:
     plain = bench.get("/order-vectors").json()["by_speed"][0]["order_1x"]
     doubled = {
         "calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}
     }
-    made = result(bench, kind="analysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
+    made = run_job(bench, kind="analysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
     assert made["amplitude_peak_x_um"] != plain["amplitude_peak_x_um"]
     assert made["amplitude_peak_y_um"] == pytest.approx(plain["amplitude_peak_y_um"], rel=0.05)
 
 
-def test_job_computes_the_model_over_speed_with_other_parameters(bench: RecordedBench) -> None:
+def test_prediction_job_uses_changed_parameters(bench: RecordedBench) -> None:
     plain, thick = (
-        result(bench, kind="prediction", run=RUN, **changes).json() for changes in ({}, {"viscosity_pa_s": 0.05})
+        run_job(bench, kind="prediction", run=RUN, **changes).json() for changes in ({}, {"viscosity_pa_s": 0.05})
     )
     speeds = [row["speed_rpm"] for row in plain["by_speed"]]
     assert (speeds[0], speeds[-1]) == (500.0, 5000.0)
@@ -132,16 +134,16 @@ def test_job_computes_the_model_over_speed_with_other_parameters(bench: Recorded
     assert plain["by_speed"][-1]["order_1x"] != thick["by_speed"][-1]["order_1x"]
 
 
-def test_study_is_of_the_rotor_of_a_run_s_rig_with_the_numbers_of_the_command(
+def test_study_job_of_a_run_s_rig_returns_the_numbers_of_the_command(
     bench: RecordedBench, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    made = result(bench, kind="onset", run=RUN, speeds=SPEEDS).json()
+    made = run_job(bench, kind="onset", run=RUN, speeds=SPEEDS).json()
     assert main(["model", "onset", str(bench.folder / "rig.toml"), "--speeds", "200:600:3", "--json"]) == 0
     assert made == json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(
-    ("order", "named"),
+    ("job_request", "named"),
     [
         ({"kind": "onset", "speeds": {**SPEEDS, "to_rad_s": 100.0}}, "expected more than from_rad_s 200"),
         ({"kind": "onset", "speeds": {**SPEEDS, "from_rad_s": 0.0}}, "greater than 0"),
@@ -151,17 +153,15 @@ def test_study_is_of_the_rotor_of_a_run_s_rig_with_the_numbers_of_the_command(
         ({"kind": "campbell", "station": 1}, "extra inputs"),
     ],
 )
-def test_study_that_cannot_be_is_refused_with_what_is_expected(
-    bench: RecordedBench, order: dict[str, object], named: str
-) -> None:
-    refused = bench.client.post(f"{API}/jobs", json=order)
+def test_invalid_study_request_is_refused(bench: RecordedBench, job_request: dict[str, object], named: str) -> None:
+    refused = bench.client.post(f"{API}/jobs", json=job_request)
     assert refused.status_code == 422
     assert named in refused.json()["detail"]
     assert bench.client.post(f"{API}/jobs", json={"kind": "modes", "run": "no-such"}).status_code == 404
 
 
-def test_export_is_sent_whole_and_by_ranges(bench: RecordedBench) -> None:
-    answer = result(bench, kind="export", run=RUN, format="csv", until_s=0.01)
+def test_export_result_can_be_downloaded_by_ranges(bench: RecordedBench) -> None:
+    answer = run_job(bench, kind="export", run=RUN, format="csv", until_s=0.01)
     assert f'filename="{RUN}.csv"' in answer.headers["content-disposition"]
     rows = [line for line in answer.text.splitlines() if not line.startswith("#")]
     assert rows[0].split(",")[0].strip('"').startswith("time_s")
@@ -172,42 +172,42 @@ def test_export_is_sent_whole_and_by_ranges(bench: RecordedBench) -> None:
     assert part.content == answer.content[10:20]
 
 
-def test_verification_is_kept_in_the_catalogue(bench: RecordedBench) -> None:
-    made = result(bench, kind="verification", run=RUN).json()
+def test_verification_job_stores_the_verdict(bench: RecordedBench) -> None:
+    made = run_job(bench, kind="verification", run=RUN).json()
     assert made["verdict"] == "sound"
     assert Catalogue(bench.folder).run(RUN).verdict == "sound"
 
 
-def test_recovery_lists_a_copy_of_what_is_intact(bench: RecordedBench) -> None:
+def test_recovery_job_lists_the_recovered_copy(bench: RecordedBench) -> None:
     whole = (bench.folder / f"{RUN}.mcap").read_bytes()
     (bench.folder / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
-    made = result(bench, kind="recovery", run="cut").json()
+    made = run_job(bench, kind="recovery", run="cut").json()
     assert made["samples"] > 0
     listed = bench.client.get(f"{API}/runs/cut-recovered").json()
     assert listed["samples"] == made["samples"]
-    again = ended(bench, begun(bench, kind="recovery", run="cut"))
+    again = wait_for_job(bench, start_job(bench, kind="recovery", run="cut"))
     assert again.state == "failed"
     assert "exists already" in again.detail
 
 
-def test_index_says_what_is_new(bench: RecordedBench) -> None:
-    made = result(bench, kind="index", verify=True).json()
+def test_index_job_reports_changes(bench: RecordedBench) -> None:
+    made = run_job(bench, kind="index", verify=True).json()
     assert RUN not in made["vanished"]
     assert Catalogue(bench.folder).run(RUN).verdict == "sound"
 
 
-def test_events_tell_of_the_job_until_it_ends(bench: RecordedBench) -> None:
-    place = begun(bench, kind="result", run=RUN, path="findings")
-    with bench.client.stream("GET", f"{place}/events") as response:
+def test_job_events_end_with_the_job(bench: RecordedBench) -> None:
+    url = start_job(bench, kind="result", run=RUN, path="findings")
+    with bench.client.stream("GET", f"{url}/events") as response:
         assert response.headers["content-type"].startswith("text/event-stream")
-        states = [told["state"] for told in data_of(response.iter_lines())]
+        states = [progress["state"] for progress in event_data(response.iter_lines())]
     assert states[-1] == "done"
     assert states == sorted(states, key=["waiting", "running", "done"].index)
 
 
-def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(bench: RecordedBench) -> None:
-    slow = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0123)
-    behind = begun(bench, kind="result", run=RUN, path="findings")
+def test_deleted_job_is_cancelled_and_the_next_one_runs(bench: RecordedBench) -> None:
+    slow = start_job(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0123)
+    behind = start_job(bench, kind="result", run=RUN, path="findings")
     until = time.monotonic() + 60.0
     while bench.client.get(slow).json()["state"] != "running" and time.monotonic() < until:
         time.sleep(0.05)
@@ -216,25 +216,25 @@ def test_deleted_job_is_cancelled_and_forgotten_and_makes_room_for_the_next(benc
         assert next(lines) == "event: job"
         cancelled = bench.client.delete(slow)
         assert cancelled.json()["state"] == "cancelled"
-        assert list(data_of(lines))[-1]["state"] == "cancelled"
+        assert list(event_data(lines))[-1]["state"] == "cancelled"
     assert problem(bench.client.get(slow)) == (404, "job-not-found")
     assert problem(bench.client.delete(slow)) == (404, "job-not-found")
-    assert ended(bench, behind).state == "done"
+    assert wait_for_job(bench, behind).state == "done"
     assert [job["job"] for job in bench.client.get(f"{API}/jobs").json()["jobs"]] == [behind.rpartition("/")[2]]
 
 
-def test_result_of_a_job_that_failed_or_has_not_ended_is_a_conflict(bench: RecordedBench) -> None:
-    failing = begun(bench, kind="export", run=RUN, format="csv", segment=7)
-    waiting = begun(bench, kind="result", run=RUN, path="findings")
+def test_result_of_a_failed_or_unfinished_job_is_a_conflict(bench: RecordedBench) -> None:
+    failing = start_job(bench, kind="export", run=RUN, format="csv", segment=7)
+    waiting = start_job(bench, kind="result", run=RUN, path="findings")
     assert problem(bench.client.get(f"{waiting}/result")) == (409, "no-result")
-    failed = ended(bench, failing)
+    failed = wait_for_job(bench, failing)
     assert failed.state == "failed"
     assert "segment 7" in failed.detail
     assert problem(bench.client.get(f"{failing}/result")) == (409, "no-result")
 
 
 @pytest.mark.parametrize(
-    ("order", "expected"),
+    ("job_request", "expected"),
     [
         ({"kind": "result", "run": "no-such-run", "path": "trend"}, (404, "run-not-found")),
         ({"kind": "result", "run": RUN, "path": "trend", "parameters": {"entries": 0}}, (422, "invalid-parameter")),
@@ -245,32 +245,32 @@ def test_result_of_a_job_that_failed_or_has_not_ended_is_a_conflict(bench: Recor
         ({"kind": "prediction", "run": RUN, "viscosity_pa_s": -1}, (422, "invalid-parameter")),
     ],
 )  # fmt: skip
-def test_order_that_cannot_be_followed_is_refused(
-    bench: RecordedBench, order: dict[str, object], expected: tuple[int, str]
+def test_invalid_job_request_is_refused(
+    bench: RecordedBench, job_request: dict[str, object], expected: tuple[int, str]
 ) -> None:
-    assert problem(bench.client.post(f"{API}/jobs", json=order)) == expected
+    assert problem(bench.client.post(f"{API}/jobs", json=job_request)) == expected
 
 
-def test_answer_that_takes_too_long_names_the_job_that_makes_it(served: RecordedBench, tmp_path: Path) -> None:
+def test_request_above_its_time_limit_names_the_job_for_it(served: RecordedBench, tmp_path: Path) -> None:
     (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
     hasty = open_recorded_bench(tmp_path, request_limit=0.0)
     try:
         refused = hasty.get("/plots/cascade.svg", rows=20)
         assert problem(refused) == (503, "time-limit-exceeded")
-        order = refused.json()["job"]
-        assert order == {"kind": "result", "run": RUN, "path": "cascade", "parameters": {"rows": 20}}
-        assert result(hasty, **order).json() == served.get("/cascade", rows=20).json()
+        job_request = refused.json()["job"]
+        assert job_request == {"kind": "result", "run": RUN, "path": "cascade", "parameters": {"rows": 20}}
+        assert run_job(hasty, **job_request).json() == served.get("/cascade", rows=20).json()
     finally:
         hasty.close()
 
 
-def test_job_about_the_run_under_way_is_refused(bench: RecordedBench) -> None:
+def test_job_for_the_run_in_progress_is_refused(bench: RecordedBench) -> None:
     bench.live.frame = make_live_updates(2)[1]
-    order = {"kind": "verification", "run": bench.live.frame.header.run}
-    assert problem(bench.client.post(f"{API}/jobs", json=order)) == (409, "run-under-way")
+    job_request = {"kind": "verification", "run": bench.live.frame.header.run}
+    assert problem(bench.client.post(f"{API}/jobs", json=job_request)) == (409, "run-under-way")
 
 
-def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: RecordedBench) -> None:
+def test_request_body_too_large_or_without_size_is_refused(bench: RecordedBench) -> None:
     json_type = {"Content-Type": "application/json"}
     file_chunks = (b" " for _ in range(3))
     assert problem(bench.client.post(f"{API}/jobs", content=b" " * 2**21, headers=json_type)) == (
@@ -284,7 +284,7 @@ def test_order_that_is_too_large_or_hides_its_size_is_refused_unread(bench: Reco
     assert bench.client.get(f"{API}/jobs").status_code == 200
 
 
-def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
+def test_too_many_jobs_are_refused(bench: RecordedBench) -> None:
     statuses = [
         bench.client.post(f"{API}/jobs", json={"kind": "prediction", "run": LONG, "viscosity_pa_s": 0.01 + k / 1e4})
         for k in range(9)
@@ -293,14 +293,16 @@ def test_too_many_jobs_are_turned_away(bench: RecordedBench) -> None:
     assert problem(statuses[-1]) == (429, "too-many-jobs")
 
 
-def test_service_ends_at_once_beside_a_job_that_goes_on_and_is_followed(served: RecordedBench, tmp_path: Path) -> None:
+def test_service_stops_at_once_with_a_running_job_and_an_open_event_stream(
+    served: RecordedBench, tmp_path: Path
+) -> None:
     (tmp_path / f"{LONG}.mcap").write_bytes((served.folder / f"{LONG}.mcap").read_bytes())
     bench = open_recorded_bench(tmp_path)
-    place = begun(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0125)
+    url = start_job(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0125)
     until = time.monotonic() + 60.0
-    while bench.client.get(place).json()["state"] != "running" and time.monotonic() < until:
+    while bench.client.get(url).json()["state"] != "running" and time.monotonic() < until:
         time.sleep(0.05)
-    with bench.client.stream("GET", f"{place}/events") as response:
+    with bench.client.stream("GET", f"{url}/events") as response:
         next(response.iter_lines())
         begun_at = time.monotonic()
         bench.close()
@@ -308,8 +310,8 @@ def test_service_ends_at_once_beside_a_job_that_goes_on_and_is_followed(served: 
     assert list((bench.folder / ".rig" / "jobs").glob("*")) == []
 
 
-def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBench) -> None:
-    answer = result(bench, kind="export", run=RUN, format="parquet", until_s=0.02)
+def test_exported_table_equals_the_samples(bench: RecordedBench) -> None:
+    answer = run_job(bench, kind="export", run=RUN, format="parquet", until_s=0.02)
     parquet = pytest.importorskip("pyarrow.parquet")
     table = parquet.read_table(io.BytesIO(answer.content))
     shown = np.load(io.BytesIO(bench.get("/samples", from_s=0.0, duration_s=0.02, format="npz").content))
@@ -317,7 +319,7 @@ def test_numbers_of_an_exported_table_are_those_of_the_samples(bench: RecordedBe
 
 
 def test_export_of_counter_timestamps_needs_a_run_that_has_them(bench: RecordedBench) -> None:
-    failed = ended(bench, begun(bench, kind="export", run=RUN, format="csv", content="pulses"))
+    failed = wait_for_job(bench, start_job(bench, kind="export", run=RUN, format="csv", content="pulses"))
     assert failed.state == "failed"
     assert "has no counter stamps" in failed.detail
 
@@ -328,9 +330,9 @@ def test_verification_and_export_report_the_completed_fraction(bench: RecordedBe
     exporting: list[Progress] = []
     path, part = bench.folder / f"{RUN}.mcap", execution.export_selection(0.0, None, None)
     execution.export_job(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
-    assert {told.step for told in verifying} == {"verifying"}
+    assert {progress.step for progress in verifying} == {"verifying"}
     assert exporting[0].step == "reading"
     assert exporting[-1].step == "writing 40,000 rows"
-    for told in verifying + exporting:
-        assert told.fraction is not None
-        assert 0.0 <= told.fraction <= 1.0
+    for progress in verifying + exporting:
+        assert progress.fraction is not None
+        assert 0.0 <= progress.fraction <= 1.0

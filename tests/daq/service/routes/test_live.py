@@ -33,17 +33,17 @@ def bench(tmp_path: Path) -> Iterator[RecordedBench]:
 
 
 @pytest.fixture
-def guarded(tmp_path: Path) -> Iterator[RecordedBench]:
+def with_token(tmp_path: Path) -> Iterator[RecordedBench]:
     served = open_recorded_bench(tmp_path, host=str(IPv4Address(0)), token=WORD)
     yield served
     served.close()
 
 
-def address(bench: RecordedBench, path: str = "/live/socket") -> str:
+def socket_url(bench: RecordedBench, path: str = "/live/socket") -> str:
     return f"ws://127.0.0.1:{bench.client.base_url.port}{API}{path}"
 
 
-def test_events_tell_of_every_change_of_the_live_run(bench: RecordedBench) -> None:
+def test_events_follow_every_change_of_the_live_run(bench: RecordedBench) -> None:
     with bench.client.stream("GET", f"{API}/live/events") as response:
         assert response.headers["content-type"].startswith("text/event-stream")
         lines = response.iter_lines()
@@ -56,9 +56,9 @@ def test_events_tell_of_every_change_of_the_live_run(bench: RecordedBench) -> No
             assert next(lines) == ""
 
 
-def test_socket_sends_the_live_document_and_then_what_changes(bench: RecordedBench) -> None:
+def test_socket_sends_the_current_values_and_then_changes(bench: RecordedBench) -> None:
     bench.live.frame = FRAMES[0]
-    with connect(address(bench)) as socket:
+    with connect(socket_url(bench)) as socket:
         first = json.loads(socket.recv(60.0))
         assert first == bench.client.get(f"{API}/live").json()
         bench.live.frame = FRAMES[1]
@@ -67,10 +67,10 @@ def test_socket_sends_the_live_document_and_then_what_changes(bench: RecordedBen
         assert json.loads(socket.recv(60.0)) is None
 
 
-def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBench) -> None:
+def test_curves_are_sent_as_events_and_over_the_socket(bench: RecordedBench) -> None:
     bench.live.frame = FRAMES[0]
     with (
-        connect(address(bench, "/live/curves/socket")) as socket,
+        connect(socket_url(bench, "/live/curves/socket")) as socket,
         bench.client.stream("GET", f"{API}/live/curves/events") as response,
     ):
         lines = response.iter_lines()
@@ -91,8 +91,8 @@ def test_picture_is_told_by_events_and_socket_when_it_changes(bench: RecordedBen
         assert json.loads(socket.recv(60.0)) is None
 
 
-def test_client_that_does_not_read_holds_up_nobody_and_loses_the_oldest(bench: RecordedBench) -> None:
-    with bench.client.stream("GET", f"{API}/live/events"), connect(address(bench)) as quick:
+def test_slow_client_loses_the_oldest_updates_and_delays_no_other(bench: RecordedBench) -> None:
+    with bench.client.stream("GET", f"{API}/live/events"), connect(socket_url(bench)) as quick:
         quick.recv(60.0)
         for frame in FRAMES:
             bench.live.frame = frame
@@ -101,31 +101,31 @@ def test_client_that_does_not_read_holds_up_nobody_and_loses_the_oldest(bench: R
     assert len(FRAMES) > MAX_QUEUED_UPDATES
 
 
-def test_one_client_too_many_is_asked_to_come_again(bench: RecordedBench) -> None:
+def test_client_above_the_limit_gets_busy(bench: RecordedBench) -> None:
     with ExitStack() as open_sockets:
         for _ in range(MAX_CLIENTS):
-            open_sockets.enter_context(connect(address(bench))).recv(60.0)
+            open_sockets.enter_context(connect(socket_url(bench))).recv(60.0)
         with pytest.raises(InvalidStatus) as refused:
-            open_sockets.enter_context(connect(address(bench)))
+            open_sockets.enter_context(connect(socket_url(bench)))
         assert refused.value.response.status_code == 503
         response = bench.client.get(f"{API}/live/events")
         assert (response.status_code, response.headers["retry-after"]) == (503, "2")
 
 
-def test_service_ends_though_somebody_follows(tmp_path: Path) -> None:
+def test_service_stops_with_an_open_event_stream(tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
-    with connect(address(bench)) as socket:
+    with connect(socket_url(bench)) as socket:
         socket.recv(60.0)
         begun = time.monotonic()
         bench.close()
         assert time.monotonic() - begun < 2.5
 
 
-def test_head_of_the_events_ends_at_once(bench: RecordedBench) -> None:
+def test_head_of_an_event_stream_returns_at_once(bench: RecordedBench) -> None:
     assert bench.client.head(f"{API}/live/events").status_code == 200
 
 
-def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
+def test_stop_request_stops_the_run(bench: RecordedBench) -> None:
     assert bench.client.post(f"{API}/live/stop", json={}).status_code == 404
     bench.live.frame = FRAMES[0]
     response = bench.client.post(f"{API}/live/stop", json={})
@@ -133,7 +133,7 @@ def test_run_under_way_is_ended_once_asked(bench: RecordedBench) -> None:
     assert bench.run_control.stopped == [FRAMES[0].header.run]
 
 
-def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(bench: RecordedBench) -> None:
+def test_alarms_of_1x_below_1x_and_speed_have_their_own_units(bench: RecordedBench) -> None:
     bench.live.frame = with_further_alarms(FRAMES[0])
     live = bench.client.get(f"{API}/live").json()
     one, below, speed = live["status"]["alarms"]
@@ -152,7 +152,7 @@ def test_alarms_of_1x_of_what_is_below_it_and_of_the_speed_have_their_own_units(
     assert live["limits"]["speed_alarm_rpm"] == 18_000.0
 
 
-def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None:
+def test_alarms_are_reported_and_acknowledged(bench: RecordedBench) -> None:
     assert bench.client.post(f"{API}/live/acknowledge", json={}).status_code == 404
     bench.live.frame = with_alarm(FRAMES[0], Severity.DANGER)
     (told,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
@@ -178,45 +178,45 @@ def test_alarms_in_sight_are_told_and_acknowledged(bench: RecordedBench) -> None
         ({**JSON, "Origin": NOTEBOOK}, 202),
     ],
 )
-def test_only_the_services_own_page_may_end_a_run(bench: RecordedBench, headers: dict[str, str], status: int) -> None:
+def test_only_the_service_s_own_page_may_stop_a_run(bench: RecordedBench, headers: dict[str, str], status: int) -> None:
     bench.live.frame = FRAMES[0]
     response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
     assert response.status_code == status
     assert bool(bench.run_control.stopped) == (status == 202)
 
 
-def test_page_from_elsewhere_cannot_open_a_socket(bench: RecordedBench) -> None:
-    with pytest.raises(InvalidStatus) as refused, connect(address(bench), origin=Origin("http://evil.example")):
+def test_page_of_another_site_cannot_open_a_socket(bench: RecordedBench) -> None:
+    with pytest.raises(InvalidStatus) as refused, connect(socket_url(bench), origin=Origin("http://evil.example")):
         pass
     assert refused.value.response.status_code == 403
 
 
 @pytest.mark.parametrize("protocols", [[], ["rig.live"], ["rig.live", "token.wrong"]])
-def test_socket_without_the_token_is_turned_away_without_a_word_at_the_terminal(
-    guarded: RecordedBench, protocols: list[str], caplog: pytest.LogCaptureFixture
+def test_socket_without_the_token_is_refused_without_terminal_output(
+    with_token: RecordedBench, protocols: list[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     offered = [Subprotocol(name) for name in protocols] or None
-    with pytest.raises(InvalidStatus) as refused, connect(address(guarded), subprotocols=offered):
+    with pytest.raises(InvalidStatus) as refused, connect(socket_url(with_token), subprotocols=offered):
         pass
     assert refused.value.response.status_code == 401
-    guarded.client.get(f"{API}/health")  # what was to be logged has been
+    with_token.client.get(f"{API}/health")  # what was to be logged has been
     assert caplog.records == []
 
 
-def test_socket_opens_with_the_token_as_header_or_protocol(guarded: RecordedBench) -> None:
-    with connect(address(guarded), additional_headers={"Authorization": f"Bearer {WORD}"}) as socket:
+def test_socket_accepts_the_token_as_header_or_subprotocol(with_token: RecordedBench) -> None:
+    with connect(socket_url(with_token), additional_headers={"Authorization": f"Bearer {WORD}"}) as socket:
         assert socket.recv(60.0) == "null"
     protocols = [Subprotocol("rig.live"), Subprotocol(f"token.{WORD}")]
-    with connect(address(guarded), subprotocols=protocols) as socket:
+    with connect(socket_url(with_token), subprotocols=protocols) as socket:
         assert socket.subprotocol == "rig.live"
         assert socket.recv(60.0) == "null"
 
 
-def test_other_sites_are_told_of_only_where_they_are_configured(bench: RecordedBench, guarded: RecordedBench) -> None:
+def test_cors_headers_are_sent_only_to_configured_sites(bench: RecordedBench, with_token: RecordedBench) -> None:
     preflight = {"Origin": NOTEBOOK, "Access-Control-Request-Method": "POST"}
     assert bench.client.options(f"{API}/live/stop", headers=preflight).status_code == 200
     answer = bench.client.get(f"{API}/runs", headers={"Origin": NOTEBOOK})
     assert answer.headers["access-control-allow-origin"] == NOTEBOOK
-    for served, origin in ((bench, "http://evil.example"), (guarded, NOTEBOOK)):
+    for served, origin in ((bench, "http://evil.example"), (with_token, NOTEBOOK)):
         answer = served.client.get(f"{API}/runs", headers={"Origin": origin, "Authorization": f"Bearer {WORD}"})
         assert "access-control-allow-origin" not in answer.headers

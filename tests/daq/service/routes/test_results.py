@@ -58,7 +58,7 @@ def snapshots(path: Path) -> list[Snapshot]:
         return list(reader.snapshots())
 
 
-def told(bench: RecordedBench, tail: str, **parameters: str | float) -> Any:
+def get_json(bench: RecordedBench, tail: str, **parameters: str | float) -> Any:
     response = bench.get(tail, **parameters)
     assert response.status_code == 200, response.text
     return response.json()
@@ -70,47 +70,45 @@ def problem(bench: RecordedBench, tail: str, **parameters: str | float) -> tuple
     return response.status_code, response.json()["type"].removeprefix("/docs#")
 
 
-def test_vectors_and_findings_are_those_of_the_library_and_the_command_line(
+def test_vectors_and_findings_equal_those_of_library_and_command_line(
     bench: RecordedBench, summary: RunSummary
 ) -> None:
     expected = summary_schema(summary).model_dump(mode="json")
     assert len(expected["by_speed"]) > 20
-    assert told(bench, "/order-vectors")["by_speed"] == expected["by_speed"]
-    assert told(bench, "/findings")["sub_synchronous"] == expected["sub_synchronous"]
-    served = told(bench, "/summary")
+    assert get_json(bench, "/order-vectors")["by_speed"] == expected["by_speed"]
+    assert get_json(bench, "/findings")["sub_synchronous"] == expected["sub_synchronous"]
+    served = get_json(bench, "/summary")
     assert served["by_speed"] == expected["by_speed"]
 
 
-def test_order_spectrum_at_a_time_is_that_of_the_recorded_frame(
-    bench: RecordedBench, snapshots: list[Snapshot]
-) -> None:
+def test_order_spectrum_at_a_time_equals_the_recorded_frame(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
     snapshot = next(each for each in snapshots if each.time == 2.0)
     frame = snapshot.frame
     assert frame is not None
-    document = told(bench, "/order-spectrum", time_s=2.04)
+    document = get_json(bench, "/order-spectrum", time_s=2.04)
     assert document["frame"]["sample"] == snapshot.sample
     assert document["frame"]["speed_rpm"] == rpm(frame.speed)
     assert document["amplitude_peak_y_um"] == [micrometres(value) for value in np.abs(frame.spectrum[1])]
     assert document["orders"] == frame.orders.tolist()
 
 
-def test_orbit_at_a_speed_is_that_of_the_nearest_frame(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+def test_orbit_at_a_speed_equals_that_of_the_nearest_frame(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
     frames = [each.frame for each in snapshots if each.frame is not None]
     nearest = min(frames, key=lambda frame: abs(frame.speed - 5000.0 * RPM))
-    document = told(bench, "/orbit", speed_rpm=5000.0)
+    document = get_json(bench, "/orbit", speed_rpm=5000.0)
     assert document["frame"]["speed_rpm"] == rpm(nearest.speed)
     assert document["orbit_x_um"] == [micrometres(value) for value in nearest.orbit[0]]
 
 
-def test_moment_without_time_and_speed_is_that_of_the_largest_vibration(
+def test_frame_without_time_and_speed_is_that_of_the_maximum_vibration(
     bench: RecordedBench, snapshots: list[Snapshot]
 ) -> None:
     largest = max((s for s in snapshots if s.frame is not None), key=lambda s: s.peak_to_peak.max())
-    assert told(bench, "/orbit")["frame"]["sample"] == largest.sample
+    assert get_json(bench, "/orbit")["frame"]["sample"] == largest.sample
 
 
-def test_full_spectrum_of_a_forward_orbit_stands_at_plus_one(bench: RecordedBench) -> None:
-    document = told(bench, "/full-spectrum", speed_rpm=8000.0)
+def test_full_spectrum_of_a_forward_orbit_peaks_at_plus_1x(bench: RecordedBench) -> None:
+    document = get_json(bench, "/full-spectrum", speed_rpm=8000.0)
     largest = int(np.argmax(document["amplitude_peak_um"]))
     assert document["orders"][largest] == 1.0
     minus = document["orders"].index(-1.0)
@@ -118,24 +116,22 @@ def test_full_spectrum_of_a_forward_orbit_stands_at_plus_one(bench: RecordedBenc
     assert document["uncertain"][largest] is False
 
 
-def test_trend_keeps_every_extreme_however_it_is_thinned(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
-    every = told(bench, "/trend")
+def test_decimated_trend_preserves_extremes(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+    every = get_json(bench, "/trend")
     assert every["results_per_entry"] == 1
     assert every["peak_to_peak_max_x_um"] == [micrometres(s.peak_to_peak[0]) for s in snapshots]
-    few = told(bench, "/trend", entries=5)
+    few = get_json(bench, "/trend", entries=5)
     assert len(few["time_s"]) == 5
     for name, pick in (("min", min), ("max", max)):
         for what in (f"peak_to_peak_{name}_x_um", f"order_1x_{name}_y_um"):
             assert pick(v for v in few[what] if v is not None) == pick(v for v in every[what] if v is not None)
-    part = told(bench, "/trend", from_s=1.0, duration_s=1.0)
+    part = get_json(bench, "/trend", from_s=1.0, duration_s=1.0)
     assert (part["time_s"][0], part["time_s"][-1]) == (1.0, 2.0)
-    assert told(bench, "/trend", segment=7)["time_s"] == []
+    assert get_json(bench, "/trend", segment=7)["time_s"] == []
 
 
-def test_cascade_is_no_larger_than_the_screen_and_keeps_the_largest_line(
-    bench: RecordedBench, snapshots: list[Snapshot]
-) -> None:
-    document = told(bench, "/cascade", rows=20, columns=16)
+def test_cascade_has_screen_size_and_preserves_the_maximum(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+    document = get_json(bench, "/cascade", rows=20, columns=16)
     assert len(document["speeds_rpm"]) <= 20
     assert len(document["orders"]) <= 16
     assert {len(row) for row in document["amplitude_peak_um"]} == {len(document["orders"])}
@@ -143,10 +139,8 @@ def test_cascade_is_no_larger_than_the_screen_and_keeps_the_largest_line(
     assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
 
 
-def test_waterfall_stands_at_its_times_and_keeps_the_largest_line(
-    bench: RecordedBench, snapshots: list[Snapshot]
-) -> None:
-    document = told(bench, "/waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
+def test_waterfall_has_its_times_and_preserves_the_maximum(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
+    document = get_json(bench, "/waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
     assert document["times_s"] == sorted(document["times_s"])
     assert document["speeds_rpm"] == sorted(document["speeds_rpm"]), "the shaft runs up"
     assert 1.0 < document["times_s"][0] < document["times_s"][-1] < 3.0
@@ -156,8 +150,8 @@ def test_waterfall_stands_at_its_times_and_keeps_the_largest_line(
 
 
 @pytest.mark.parametrize("what", ["cascade", "waterfall"])
-def test_full_spectra_over_speed_and_time_show_the_way_that_the_shaft_goes(bench: RecordedBench, what: str) -> None:
-    document = told(bench, f"/{what}", full=True, rows=5, columns=512, highest_order=3.0)
+def test_full_spectra_over_speed_and_time_show_the_whirl_direction(bench: RecordedBench, what: str) -> None:
+    document = get_json(bench, f"/{what}", full=True, rows=5, columns=512, highest_order=3.0)
     orders = document["orders"]
     assert (min(orders), max(orders)) == (-3.0, 3.0)
     row = document["amplitude_peak_um"][-1]
@@ -165,12 +159,12 @@ def test_full_spectra_over_speed_and_time_show_the_way_that_the_shaft_goes(bench
     assert row[orders.index(-1.0)] < row[orders.index(1.0)]
 
 
-def test_samples_are_those_of_the_file_in_every_form_and_unit(bench: RecordedBench, path: Path) -> None:
+def test_samples_equal_the_file_in_every_format_and_unit(bench: RecordedBench, path: Path) -> None:
     with RunReader(path) as reader:
         codes, channels = reader.samples(0, 20_000, 20_200), reader.header.acquisition.channels
         x = channels[reader.header.acquisition.row(Role.PROBE_X)]
     stretch: dict[str, str | float] = {"from_s": 1.0, "duration_s": 0.01}
-    document = told(bench, "/samples", **stretch, unit="codes")
+    document = get_json(bench, "/samples", **stretch, unit="codes")
     assert (document["first_sample"], document["samples"], document["rate_hz"]) == (20_000, 200, 20_000.0)
     assert [channel["values"] for channel in document["channels"]] == codes.tolist()
     archive = np.load(io.BytesIO(bench.get("/samples", **stretch, format="npz").content))
@@ -200,19 +194,19 @@ def test_samples_are_those_of_the_file_in_every_form_and_unit(bench: RecordedBen
         ("/comparison", {"speed_rpm": 15_000.0}, (404, "no-data")),
     ],
 )
-def test_what_the_run_does_not_hold_is_told_as_what_it_is(
+def test_missing_data_is_reported_by_problem_type(
     bench: RecordedBench, tail: str, parameters: dict[str, str | float], expected: tuple[int, str]
 ) -> None:
     assert problem(bench, tail, **parameters) == expected
 
 
-def test_form_that_nobody_can_send_is_refused(bench: RecordedBench) -> None:
+def test_unsupported_accept_header_is_refused(bench: RecordedBench) -> None:
     assert bench.get("/samples", {"Accept": "image/png"}).status_code == 406
 
 
-def test_comparison_lays_the_model_beside_the_measured_bin(bench: RecordedBench, summary: RunSummary) -> None:
+def test_comparison_returns_measured_bin_and_prediction(bench: RecordedBench, summary: RunSummary) -> None:
     row = min(summary.rows, key=lambda row: abs(row.speed - 6000.0 * RPM))
-    document = told(bench, "/comparison", speed_rpm=6000.0)
+    document = get_json(bench, "/comparison", speed_rpm=6000.0)
     assert document["measured"]["speed_rpm"] == document["predicted"]["speed_rpm"] == rpm(row.speed)
     predicted = document["predicted"]["order_1x"]["amplitude_peak_x_um"]
     measured = document["measured"]["order_1x"]["amplitude_peak_x_um"]
@@ -222,7 +216,7 @@ def test_comparison_lays_the_model_beside_the_measured_bin(bench: RecordedBench,
     assert abs((turned + 180.0) % 360.0 - 180.0) < 1e-3
 
 
-def test_answer_that_is_known_is_not_sent_again(bench: RecordedBench) -> None:
+def test_known_response_is_not_sent_again(bench: RecordedBench) -> None:
     first = bench.get("/trend")
     assert first.headers["content-encoding"] == "gzip"
     again = bench.get("/trend", {"If-None-Match": f'"other", {first.headers["etag"]}'})
@@ -233,7 +227,7 @@ def test_answer_that_is_known_is_not_sent_again(bench: RecordedBench) -> None:
     assert plain.json() == first.json()
 
 
-def test_file_comes_whole_and_in_ranges(bench: RecordedBench, path: Path) -> None:
+def test_file_is_downloaded_whole_and_in_ranges(bench: RecordedBench, path: Path) -> None:
     content = path.read_bytes()
     whole = bench.get("/file")
     assert (whole.status_code, whole.content) == (200, content)
@@ -250,7 +244,7 @@ def test_file_comes_whole_and_in_ranges(bench: RecordedBench, path: Path) -> Non
     assert (beyond.status_code, beyond.headers["content-range"]) == (416, f"bytes */{size}")
 
 
-def test_file_is_the_one_that_was_asked_for_whatever_takes_its_place(tmp_path: Path, path: Path) -> None:
+def test_download_continues_with_the_same_file_after_a_replacement(tmp_path: Path, path: Path) -> None:
     content = path.read_bytes()
     file = tmp_path / f"{RUN}.mcap"
     file.write_bytes(content + bytes(20_000_000))  # more than sockets hold
@@ -268,7 +262,7 @@ def test_file_is_the_one_that_was_asked_for_whatever_takes_its_place(tmp_path: P
         served.close()
 
 
-def test_file_that_is_no_recording_is_not_sent_nor_what_lies_behind_a_link(tmp_path: Path) -> None:
+def test_download_refuses_other_files_and_links(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text("root:x:0:0")
     folder = tmp_path / "data"
     folder.mkdir()
@@ -291,14 +285,14 @@ def test_file_that_is_no_recording_is_not_sent_nor_what_lies_behind_a_link(tmp_p
         served.close()
 
 
-def test_head_of_a_file_tells_what_is_there(bench: RecordedBench, path: Path) -> None:
+def test_head_of_a_file_returns_its_size(bench: RecordedBench, path: Path) -> None:
     whole, part = (bench.client.head(f"{API}/runs/{RUN}/file", headers=h) for h in ({}, {"Range": "bytes=0-7"}))
     assert (whole.status_code, whole.headers["content-length"]) == (200, str(path.stat().st_size))
     assert (part.status_code, part.headers["content-length"]) == (206, "8")
     assert bench.get("/file", {"If-None-Match": "*"}).status_code == 304
 
 
-def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
+def test_results_of_the_run_in_progress_are_refused(bench: RecordedBench) -> None:
     frame = make_live_updates(1)[0]
     assert frame.status.state is RunState.RECORDING
     bench.live.frame = frame
@@ -309,13 +303,13 @@ def test_run_under_way_is_not_read(bench: RecordedBench) -> None:
         bench.live.frame = None
 
 
-def test_gzipped_answer_is_what_it_says(bench: RecordedBench) -> None:
+def test_gzipped_response_equals_the_plain_one(bench: RecordedBench) -> None:
     with bench.client.stream("GET", f"{API}/runs/{RUN}/order-vectors") as response:
         assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
 
 
 @pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade", "waterfall", "polar"])
-def test_plot_is_an_svg_of_curves_that_lie_inside_it(bench: RecordedBench, what: str) -> None:
+def test_plot_is_an_svg_with_its_curves_inside(bench: RecordedBench, what: str) -> None:
     response = bench.get(f"/plots/{what}.svg")
     assert response.headers["content-type"] == "image/svg+xml"
     root = ET.fromstring(response.text)  # noqa: S314 - the service's own

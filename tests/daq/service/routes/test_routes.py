@@ -49,7 +49,7 @@ def runs_of(response: httpx.Response) -> list[str]:
     return [run["run"] for run in response.json()["runs"]]
 
 
-def test_runs_are_listed_newest_first_with_what_is_wrong_with_them(bench: Bench) -> None:
+def test_runs_are_listed_newest_first_with_their_faults(bench: Bench) -> None:
     response = bench.get("/runs")
     assert runs_of(response) == [NEWEST, CUT, OTHER_RIG, UNREADABLE]
     unreadable = response.json()["runs"][-1]
@@ -58,14 +58,14 @@ def test_runs_are_listed_newest_first_with_what_is_wrong_with_them(bench: Bench)
     assert unreadable["samples"] is None
 
 
-def test_runs_are_chosen_by_rig_and_by_whether_they_are_complete(bench: Bench) -> None:
+def test_run_list_filters_by_rig_and_completeness(bench: Bench) -> None:
     assert runs_of(bench.get("/runs", rig="bench2")) == [OTHER_RIG]
     assert runs_of(bench.get("/runs", complete="false")) == [CUT, UNREADABLE]
     assert runs_of(bench.get("/runs", complete="true", rig="gj90c")) == [NEWEST]
     assert runs_of(bench.get("/runs", rig="none-such")) == []
 
 
-def test_pages_of_runs_join_to_the_whole_list_and_tell_its_length(bench: Bench) -> None:
+def test_pages_of_runs_form_the_whole_list(bench: Bench) -> None:
     first, second, beyond = (bench.get("/runs", limit=3, offset=offset) for offset in (0, 3, 6))
     assert runs_of(first) + runs_of(second) == [NEWEST, CUT, OTHER_RIG, UNREADABLE]
     assert runs_of(beyond) == []
@@ -84,28 +84,28 @@ def test_pages_of_runs_join_to_the_whole_list_and_tell_its_length(bench: Bench) 
         ("page=2", "query.page"),
     ],
 )
-def test_bad_parameter_of_the_list_is_named_with_its_value(bench: Bench, query: str, parameter: str) -> None:
+def test_invalid_parameter_is_named_with_its_value(bench: Bench, query: str, parameter: str) -> None:
     response = bench.client.get(f"{API}/runs?{query}")
-    told = problem(response)
-    assert told.status == 422
-    assert told.type == "/docs#invalid-parameter"
-    assert [fault.parameter for fault in told.faults] == [parameter]
-    assert query.partition("=")[2] in told.faults[0].detail
+    reported = problem(response)
+    assert reported.status == 422
+    assert reported.type == "/docs#invalid-parameter"
+    assert [fault.parameter for fault in reported.faults] == [parameter]
+    assert query.partition("=")[2] in reported.faults[0].detail
 
 
-def test_every_bad_parameter_is_told_in_one_go(bench: Bench) -> None:
-    told = problem(bench.client.get(f"{API}/runs?limit=0&offset=-1"))
-    assert {fault.parameter for fault in told.faults} == {"query.limit", "query.offset"}
+def test_all_invalid_parameters_are_reported_together(bench: Bench) -> None:
+    reported = problem(bench.client.get(f"{API}/runs?limit=0&offset=-1"))
+    assert {fault.parameter for fault in reported.faults} == {"query.limit", "query.offset"}
 
 
-def test_run_is_given_by_its_id(bench: Bench) -> None:
+def test_run_is_returned_by_its_id(bench: Bench) -> None:
     response = bench.get(f"/runs/{NEWEST}")
     assert response.status_code == 200
     run = RunSchema.model_validate_json(response.content)
     assert (run.run, run.rig, run.duration_s, run.note) == (NEWEST, "gj90c", 300.0, "after the oil change")
 
 
-def test_run_that_cannot_be_read_is_still_given(bench: Bench) -> None:
+def test_unreadable_run_is_returned_with_its_fault(bench: Bench) -> None:
     assert bench.get(f"/runs/{UNREADABLE}").json()["fault"]
 
 
@@ -131,7 +131,7 @@ def test_run_that_cannot_be_read_is_still_given(bench: Bench) -> None:
         "x" * 4000,
     ],
 )
-def test_unknown_or_climbing_run_id_is_not_found(bench: Bench, run_id: str, tail: str) -> None:
+def test_unknown_or_path_like_run_id_is_not_found(bench: Bench, run_id: str, tail: str) -> None:
     status, headers, content = bench.raw(f"{API}/runs/{run_id}{tail}")
     assert status == 404
     assert headers["content-type"] == "application/problem+json"
@@ -139,7 +139,7 @@ def test_unknown_or_climbing_run_id_is_not_found(bench: Bench, run_id: str, tail
     assert b"Traceback" not in content
 
 
-def test_summary_is_given_with_its_losses_and_components(bench: Bench) -> None:
+def test_summary_contains_losses_and_components(bench: Bench) -> None:
     response = bench.get(f"/runs/{NEWEST}/summary")
     assert response.status_code == 200
     summary = SummarySchema.model_validate_json(response.content)
@@ -157,36 +157,34 @@ def test_summary_is_given_with_its_losses_and_components(bench: Bench) -> None:
         (RecordingError("r.mcap: something else"), 500, "internal-error"),
     ],
 )
-def test_summary_that_cannot_be_given_says_why(bench: Bench, error: RecordingError, status: int, kind: str) -> None:
+def test_summary_error_is_reported_by_problem_type(bench: Bench, error: RecordingError, status: int, kind: str) -> None:
     bench.summaries.trouble = error
-    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
-    assert (told.status, told.type, told.detail) == (status, f"/docs#{kind}", str(error))
-    assert told.instance == f"{API}/runs/{NEWEST}/summary"
+    reported = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (reported.status, reported.type, reported.detail) == (status, f"/docs#{kind}", str(error))
+    assert reported.instance == f"{API}/runs/{NEWEST}/summary"
 
 
-def test_summary_of_the_run_under_way_is_a_conflict_until_it_has_ended(bench: Bench) -> None:
+def test_summary_of_the_run_in_progress_is_a_conflict_until_its_end(bench: Bench) -> None:
     frame = make_live_updates(1)[0]
     bench.live.frame = frame
-    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
-    assert (told.status, told.type) == (409, "/docs#run-under-way")
+    reported = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (reported.status, reported.type) == (409, "/docs#run-under-way")
     assert bench.get(f"/runs/{CUT}/summary").status_code == 200
     bench.live.frame = replace(frame, status=replace(frame.status, state=RunState.FINISHED))
     assert bench.get(f"/runs/{NEWEST}/summary").status_code == 200
 
 
-def test_fault_of_the_program_is_told_without_its_inside_and_logged_with_it(
-    bench: Bench, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_internal_error_is_logged_and_reported_without_details(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
     bench.summaries.trouble = LookupError("secret inside")
-    told = problem(bench.get(f"/runs/{NEWEST}/summary"))
-    assert (told.status, told.type) == (500, "/docs#internal-error")
-    assert "secret" not in told.detail
+    reported = problem(bench.get(f"/runs/{NEWEST}/summary"))
+    assert (reported.status, reported.type) == (500, "/docs#internal-error")
+    assert "secret" not in reported.detail
     assert "secret inside" in caplog.text
     assert f"GET {API}/runs/{NEWEST}/summary failed" in caplog.text
     assert bench.get("/runs").status_code == 200
 
 
-def test_data_folder_that_cannot_be_read_makes_the_list_unavailable_and_health_troubled(bench: Bench) -> None:
+def test_unreadable_data_folder_affects_run_list_and_health(bench: Bench) -> None:
     bench.catalogue.trouble = StorageError("data: the data folder cannot be read: gone")
     response = bench.get("/runs")
     assert problem(response).status == 503
@@ -198,12 +196,12 @@ def test_data_folder_that_cannot_be_read_makes_the_list_unavailable_and_health_t
     assert "gone" in health.json()["detail"]
 
 
-def test_live_is_not_found_while_nothing_is_under_way(bench: Bench) -> None:
-    told = problem(bench.get("/live"))
-    assert (told.status, told.type) == (404, "/docs#no-live-run")
+def test_live_is_not_found_without_a_run(bench: Bench) -> None:
+    reported = problem(bench.get("/live"))
+    assert (reported.status, reported.type) == (404, "/docs#no-live-run")
 
 
-def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: Bench) -> None:
+def test_live_returns_measurement_and_model_uncached(bench: Bench) -> None:
     bench.live.frame = make_live_updates(200)[150]
     response = bench.get("/live")
     assert response.status_code == 200
@@ -216,7 +214,7 @@ def test_live_gives_measurement_and_model_side_by_side_and_is_never_kept(bench: 
     assert live.measured.whirl.order == 0.49
 
 
-def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench: Bench) -> None:
+def test_live_curves_contain_measured_and_predicted_orbit_and_spectrum(bench: Bench) -> None:
     assert problem(bench.get("/live/curves")).type == "/docs#no-live-run"
     frame = make_live_updates(200)[150]
     bench.live.frame = frame
@@ -236,7 +234,7 @@ def test_live_picture_gives_orbit_and_spectrum_with_the_models_beside_them(bench
     assert (empty.measured, empty.predicted) == (None, None)
 
 
-def test_health_names_the_run_under_way_and_a_failed_one(bench: Bench) -> None:
+def test_health_names_the_current_run_and_a_failed_one(bench: Bench) -> None:
     assert bench.get("/health").json()["live_run"] is None
     frame = make_live_updates(1)[0]
     bench.live.frame = frame
@@ -249,12 +247,12 @@ def test_health_names_the_run_under_way_and_a_failed_one(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("path", ["/", "/nothing", "/runs/", f"/runs/{NEWEST}/", f"/runs/{NEWEST}/samples", "/v2"])
-def test_address_that_does_not_exist_is_a_problem_too(bench: Bench, path: str) -> None:
+def test_unknown_path_returns_a_problem(bench: Bench, path: str) -> None:
     assert problem(bench.get(path)).status == 404
 
 
 @pytest.mark.parametrize("path", [f"{API}/runs", f"{API}/live", "/", "/page.js", "/openapi.json"])
-def test_head_is_answered_as_get_without_the_content(bench: Bench, path: str) -> None:
+def test_head_returns_the_headers_of_get(bench: Bench, path: str) -> None:
     head, get = bench.client.head(path), bench.client.get(path)
     assert head.content == b""
     assert head.status_code == get.status_code
@@ -262,23 +260,23 @@ def test_head_is_answered_as_get_without_the_content(bench: Bench, path: str) ->
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])
-def test_what_is_read_only_says_so(bench: Bench, method: str) -> None:
+def test_read_only_path_names_its_methods(bench: Bench, method: str) -> None:
     response = bench.client.request(method, f"{API}/runs")
     assert problem(response).status == 405
     assert response.headers["allow"] == "GET"
 
 
-def test_waiting_summaries_keep_neither_live_nor_the_list_waiting_and_too_many_are_turned_away(bench: Bench) -> None:
+def test_waiting_summaries_do_not_delay_other_routes_and_are_limited(bench: Bench) -> None:
     bench.live.frame = make_live_updates(1)[0]
     bench.summaries.gate.clear()
     answers: list[int] = []
 
-    def ask() -> None:
+    def request_summary() -> None:
         with httpx.Client(base_url=bench.server.url, timeout=60.0) as client:
             answers.append(client.get(f"{API}/runs/{CUT}/summary").status_code)
 
-    askers = [threading.Thread(target=ask) for _ in range(24)]
-    for asker in askers:
+    threads = [threading.Thread(target=request_summary) for _ in range(24)]
+    for asker in threads:
         asker.start()
     deadline = time.monotonic() + 60.0
     while len(answers) < 6 and time.monotonic() < deadline:
@@ -287,7 +285,7 @@ def test_waiting_summaries_keep_neither_live_nor_the_list_waiting_and_too_many_a
     assert bench.get("/live").elapsed.total_seconds() < 30.0
     assert bench.get("/runs").status_code == 200
     bench.summaries.gate.set()
-    for asker in askers:
+    for asker in threads:
         asker.join(60.0)
     assert answers.count(200) == 18
 
@@ -298,7 +296,7 @@ def schema(bench: Bench) -> dict[str, Any]:
     return document
 
 
-def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema: dict[str, Any]) -> None:
+def test_every_response_matches_its_schema(bench: Bench, schema: dict[str, Any]) -> None:
     def check(response: httpx.Response, path: str, status: int) -> None:
         assert response.status_code == status, response.text
         content = schema["paths"][API + path]["get"]["responses"][str(status)]["content"]
@@ -327,7 +325,7 @@ def test_every_answer_fits_the_schema_that_is_given_for_it(bench: Bench, schema:
     check(bench.get("/runs"), "/runs", 503)
 
 
-def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
+def test_schema_checker_finds_mismatches(schema: dict[str, Any]) -> None:
     schemas = schema["components"]["schemas"]
     health = {"health": "fine", "detail": 1, "version": "1", "uptime_s": 1.0, "runs": -1, "more": True}
     found = faults(health, schemas["HealthSchema"], schemas)
@@ -336,7 +334,7 @@ def test_schema_checker_finds_what_does_not_fit(schema: dict[str, Any]) -> None:
     }  # fmt: skip
 
 
-def test_schema_names_every_operation_and_points_nowhere_unknown(schema: dict[str, Any]) -> None:
+def test_openapi_schema_names_every_operation_and_resolves_every_reference(schema: dict[str, Any]) -> None:
     operations = [operation for path in schema["paths"].values() for operation in path.values()]
     assert [operation["operationId"] for operation in operations] == [
         "list_runs", "get_run", "get_run_summary", "get_live_run", "get_live_curves", "get_health", "stream_live_run",
@@ -349,7 +347,7 @@ def test_schema_names_every_operation_and_points_nowhere_unknown(schema: dict[st
     assert "HTTPValidationError" not in text
 
 
-def test_schema_describes_every_field_and_gives_an_example_of_every_value(schema: dict[str, Any]) -> None:
+def test_openapi_schema_describes_every_field_with_an_example(schema: dict[str, Any]) -> None:
     for name, document in schema["components"]["schemas"].items():
         if "properties" not in document:
             continue
@@ -361,7 +359,7 @@ def test_schema_describes_every_field_and_gives_an_example_of_every_value(schema
             assert content.get("examples") or not is_value, f"{name}.{field}"
 
 
-def test_schema_writes_units_into_names(schema: dict[str, Any]) -> None:
+def test_openapi_schema_has_units_in_field_names(schema: dict[str, Any]) -> None:
     suffixes = {"µm": "_um", "r/min": ("_rpm", "_rpm_per_s"), "degrees": "_deg", "Hz": "_hz", "µs": "_us", "V": "_v"}
     for name, document in schema["components"]["schemas"].items():
         for field, content in document.get("properties", {}).items():

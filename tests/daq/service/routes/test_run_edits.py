@@ -68,11 +68,11 @@ def listed(bench: RecordedBench) -> list[str]:
     return [run["run"] for run in bench.client.get(f"{API}/runs").json()["runs"]]
 
 
-def kind(response: httpx.Response) -> tuple[int, str]:
+def problem(response: httpx.Response) -> tuple[int, str]:
     return response.status_code, response.json()["type"].removeprefix("/docs#")
 
 
-def test_words_and_tags_are_kept_and_the_recording_is_not_touched(bench: RecordedBench) -> None:
+def test_remark_and_tags_are_stored_beside_the_unchanged_recording(bench: RecordedBench) -> None:
     path = bench.folder / f"{RUN}.mcap"
     before = path.read_bytes()
     first = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "bearing changed", "tags": ["reference", "cold"]})
@@ -83,12 +83,12 @@ def test_words_and_tags_are_kept_and_the_recording_is_not_touched(bench: Recorde
     assert path.read_bytes() == before
 
 
-@pytest.mark.parametrize("words", [{"tags": [" x"]}, {"tags": ["a\nb"]}, {"remark": 3}, {"other": 1}, []])
-def test_words_that_cannot_be_are_refused(bench: RecordedBench, words: object) -> None:
-    assert kind(bench.client.patch(f"{API}/runs/{RUN}", json=words)) == (422, "invalid-parameter")
+@pytest.mark.parametrize("annotation", [{"tags": [" x"]}, {"tags": ["a\nb"]}, {"remark": 3}, {"other": 1}, []])
+def test_invalid_annotation_is_refused(bench: RecordedBench, annotation: object) -> None:
+    assert problem(bench.client.patch(f"{API}/runs/{RUN}", json=annotation)) == (422, "invalid-parameter")
 
 
-def test_run_that_is_put_away_lies_in_the_trash_byte_for_byte(bench: RecordedBench) -> None:
+def test_deleted_run_is_in_the_trash_unchanged(bench: RecordedBench) -> None:
     content = (bench.folder / f"{RUN}.mcap").read_bytes()
     bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "to go"})
     response = bench.client.delete(f"{API}/runs/{RUN}")
@@ -100,7 +100,7 @@ def test_run_that_is_put_away_lies_in_the_trash_byte_for_byte(bench: RecordedBen
     assert bench.client.delete(f"{API}/runs/{RUN}").json()["trash"] == f"trash/{RUN} (2).mcap"
 
 
-def test_run_is_taken_back_with_its_words_and_never_in_place_of_another(bench: RecordedBench) -> None:
+def test_run_is_restored_with_its_annotations_and_never_over_another(bench: RecordedBench) -> None:
     content = (bench.folder / f"{RUN}.mcap").read_bytes()
     bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "to go"})
     bench.client.delete(f"{API}/runs/{RUN}")
@@ -113,16 +113,16 @@ def test_run_is_taken_back_with_its_words_and_never_in_place_of_another(bench: R
     assert (back.json()["run"], back.json()["remark"]) == (RUN, "to go")
     assert bench.client.get(f"{API}/runs/{RUN}").json() == back.json()
     again = bench.client.post(f"{API}/trash/{RUN} (2)/restore", json={"run": RUN})
-    assert kind(again) == (409, "run-exists")
+    assert problem(again) == (409, "run-exists")
     other = bench.client.post(f"{API}/trash/{RUN} (2)/restore", json={"run": "other"})
     assert (other.json()["run"], other.json()["remark"]) == ("other", "")
     assert (bench.folder / "other.mcap").read_bytes() == (bench.folder / f"{RUN}.mcap").read_bytes() == content
     assert bench.client.get(f"{API}/trash").json() == {"runs": []}
-    assert kind(bench.client.post(f"{API}/trash/{RUN}/restore", json={})) == (404, "not-in-trash")
+    assert problem(bench.client.post(f"{API}/trash/{RUN}/restore", json={})) == (404, "not-in-trash")
 
 
 @pytest.mark.parametrize(("name", "run"), [("..%2f..%2fsecret", None), ("%2e%2e", None), (RUN, "../out"), (RUN, "a/b")])
-def test_nothing_is_taken_from_or_to_outside_the_folder(bench: RecordedBench, name: str, run: str | None) -> None:
+def test_restore_stays_within_the_data_folder(bench: RecordedBench, name: str, run: str | None) -> None:
     bench.client.delete(f"{API}/runs/{RUN}")
     (bench.folder.parent / "secret.mcap").write_bytes(b"secret")
     assert bench.client.post(f"{API}/trash/{name}/restore", json={"run": run}).status_code in {404, 405}
@@ -130,14 +130,14 @@ def test_nothing_is_taken_from_or_to_outside_the_folder(bench: RecordedBench, na
     assert listed(bench) == []
 
 
-def test_change_that_rests_on_what_is_no_more_is_refused(bench: RecordedBench) -> None:
+def test_change_with_an_outdated_etag_is_refused(bench: RecordedBench) -> None:
     seen = bench.client.get(f"{API}/runs/{RUN}")
     tag = seen.headers["etag"]
     assert bench.client.get(f"{API}/runs/{RUN}", headers={"If-None-Match": tag}).status_code == 304
     first = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "mine"}, headers={"If-Match": tag})
     assert (first.status_code, first.json()["remark"]) == (200, "mine")
     late = bench.client.patch(f"{API}/runs/{RUN}", json={"remark": "theirs"}, headers={"If-Match": tag})
-    assert kind(late) == kind(bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": tag})) == (
+    assert problem(late) == problem(bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": tag})) == (
         412, "precondition-failed",
     )  # fmt: skip
     now = bench.client.get(f"{API}/runs/{RUN}")
@@ -147,7 +147,7 @@ def test_change_that_rests_on_what_is_no_more_is_refused(bench: RecordedBench) -
     assert bench.client.delete(f"{API}/runs/{RUN}", headers={"If-Match": "*"}).status_code == 200
 
 
-def test_of_many_changes_at_once_that_rest_on_the_same_one_is_made(bench: RecordedBench) -> None:
+def test_only_one_of_many_concurrent_changes_with_the_same_etag_succeeds(bench: RecordedBench) -> None:
     tag = {"If-Match": bench.client.get(f"{API}/runs/{RUN}").headers["etag"]}
 
     def change(number: int) -> int:
@@ -158,7 +158,7 @@ def test_of_many_changes_at_once_that_rest_on_the_same_one_is_made(bench: Record
     assert answers == [200, *[412] * 7]
 
 
-def test_json_whose_size_is_hidden_behind_another_is_refused(bench: RecordedBench) -> None:
+def test_chunked_json_with_a_content_length_is_refused(bench: RecordedBench) -> None:
     head = (
         f"PATCH {API}/runs/{RUN} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nConnection: close\r\n"
     )
@@ -168,37 +168,37 @@ def test_json_whose_size_is_hidden_behind_another_is_refused(bench: RecordedBenc
         assert client.recv(65_536).startswith(b"HTTP/1.1 413 ")
 
 
-def test_run_under_way_is_not_put_away(bench: RecordedBench) -> None:
+def test_run_in_progress_cannot_be_deleted(bench: RecordedBench) -> None:
     frame = make_live_updates(1)[0]
     bench.live.frame = replace(frame, header=replace(frame.header, run=RUN))
-    assert kind(bench.client.delete(f"{API}/runs/{RUN}")) == (409, "run-under-way")
+    assert problem(bench.client.delete(f"{API}/runs/{RUN}")) == (409, "run-under-way")
     assert (bench.folder / f"{RUN}.mcap").exists()
 
 
 @pytest.mark.parametrize("run", ["..%2fx", "no-such-run", "%2e%2e"])
-def test_nothing_outside_the_folder_is_put_away_or_taken_in(bench: RecordedBench, run: str) -> None:
+def test_delete_and_upload_stay_within_the_data_folder(bench: RecordedBench, run: str) -> None:
     (bench.folder.parent / "x.mcap").write_bytes(b"secret")
     assert bench.client.delete(f"{API}/runs/{run}").status_code in {404, 405}
     assert bench.client.put(f"{API}/runs/{run}/file", content=b"x").status_code in {404, 405, 422}
     assert (bench.folder.parent / "x.mcap").read_bytes() == b"secret"
 
 
-def test_recording_that_is_sent_in_is_there_byte_for_byte_and_never_overwritten(bench: RecordedBench) -> None:
+def test_uploaded_recording_is_stored_unchanged_and_never_overwritten(bench: RecordedBench) -> None:
     content = (bench.folder / f"{RUN}.mcap").read_bytes()
     response = bench.client.put(f"{API}/runs/sent-in/file", content=content)
     assert response.status_code == 201
     assert response.headers["location"] == f"{API}/runs/sent-in"
     assert bench.client.get(f"{API}/runs/sent-in/file").content == content
-    assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=content)) == (409, "run-exists")
+    assert problem(bench.client.put(f"{API}/runs/sent-in/file", content=content)) == (409, "run-exists")
     assert sorted(listed(bench)) == sorted([RUN, "sent-in"])
 
 
-def test_what_is_no_whole_recording_leaves_nothing_behind(bench: RecordedBench) -> None:
+def test_rejected_recording_leaves_no_file(bench: RecordedBench) -> None:
     content = (bench.folder / f"{RUN}.mcap").read_bytes()
     flipped = bytearray(content)
     flipped[len(content) // 2] ^= 1
     for sent in (b"", b"no recording", content[: len(content) // 2], bytes(flipped)):
-        assert kind(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "invalid-recording")
+        assert problem(bench.client.put(f"{API}/runs/sent-in/file", content=sent)) == (422, "invalid-recording")
     with closing(http.client.HTTPConnection("127.0.0.1", bench.client.base_url.port, timeout=60)) as connection:
         connection.putrequest("PUT", f"{API}/runs/sent-in/file")
         connection.putheader("Content-Length", str(10**15))
@@ -207,7 +207,7 @@ def test_what_is_no_whole_recording_leaves_nothing_behind(bench: RecordedBench) 
     assert [path.name for path in bench.folder.iterdir() if "sent-in" in path.name] == []
 
 
-def test_page_of_another_site_changes_nothing(bench: RecordedBench) -> None:
+def test_page_of_another_site_cannot_change_runs(bench: RecordedBench) -> None:
     evil = {"Origin": "http://evil.example"}
     assert bench.client.delete(f"{API}/runs/{RUN}", headers=evil).status_code == 403
     assert bench.client.put(f"{API}/runs/x/file", content=b"", headers=evil).status_code == 403
@@ -216,7 +216,7 @@ def test_page_of_another_site_changes_nothing(bench: RecordedBench) -> None:
     assert listed(bench) == [RUN]
 
 
-def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig: RigFactory) -> None:
+def test_only_one_run_starts_at_a_time(tmp_path: Path, rig: RigFactory) -> None:
     made: list[FakeRun] = []
 
     def begin(_rig: Rig, note: str, duration: float | None) -> FakeRun:
@@ -231,7 +231,7 @@ def test_run_is_started_one_at_a_time_and_joined_in_the_end(tmp_path: Path, rig:
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
         assert first.headers["location"] == f"{API}/runs/{made[0].header.run}"
-        assert kind(bench.client.post(f"{API}/runs", json={})) == (409, "run-cannot-start")
+        assert problem(bench.client.post(f"{API}/runs", json={})) == (409, "run-cannot-start")
         made[0].stop()
         refused = bench.client.post(f"{API}/runs", json={"note": "unplugged"})
         assert "there is no device Dev1" in refused.json()["detail"]

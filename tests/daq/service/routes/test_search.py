@@ -35,14 +35,14 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
     served.close()
 
 
-def listed(bench: RecordedBench, **question: str | int | list[str]) -> list[str]:
+def listed(bench: RecordedBench, **query: str | int | list[str]) -> list[str]:
     """The ids that a question finds."""
-    response = bench.client.get(f"{API}/runs", params=question)
+    response = bench.client.get(f"{API}/runs", params=query)
     assert response.status_code == 200, response.text
     return [run["run"] for run in response.json()["runs"]]
 
 
-def test_runs_are_found_by_what_was_measured_said_and_calibrated(bench: RecordedBench) -> None:
+def test_run_list_filters_by_measurement_annotation_and_calibration(bench: RecordedBench) -> None:
     run = bench.client.get(f"{API}/runs/{FAST}").json()
     assert (run["remark"], run["tags"]) == ("new bearing", ["good", "reference"])
     both = [SLOW, FAST]
@@ -58,7 +58,7 @@ def test_runs_are_found_by_what_was_measured_said_and_calibrated(bench: Recorded
     assert listed(bench, onset_below_rpm=9000) == []
 
 
-def test_runs_are_sorted_and_given_in_pages(bench: RecordedBench) -> None:
+def test_run_list_is_sorted_and_paged(bench: RecordedBench) -> None:
     assert listed(bench, sort="-duration") == listed(bench, sort="-size") == [SLOW, FAST]
     assert listed(bench, sort="duration") == listed(bench, sort="size") == [FAST, SLOW]
     assert listed(bench, sort="started") == listed(bench, sort="-started")[::-1]
@@ -67,10 +67,10 @@ def test_runs_are_sorted_and_given_in_pages(bench: RecordedBench) -> None:
 
 
 @pytest.mark.parametrize(
-    "question",
+    "query",
     [{"sort": "colour"}, {"since": "yesterday"}, {"speed_from_rpm": -1}, {"text": "\x00"}, {"speed": 3}],
 )  # fmt: skip
-def test_question_that_is_none_is_refused(bench: RecordedBench, question: QueryParameters) -> None:
-    response = bench.client.get(f"{API}/runs", params=question)
+def test_invalid_query_is_refused(bench: RecordedBench, query: QueryParameters) -> None:
+    response = bench.client.get(f"{API}/runs", params=query)
     assert response.status_code == 422, response.text
     assert response.json()["faults"]
