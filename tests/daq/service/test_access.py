@@ -1,4 +1,4 @@
-"""Who is let in: names of this machine, and tokens where others can ask too."""
+"""Access control: host names, bearer token, and security headers."""
 
 import http.client
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""The service against its own schema: schemathesis with all its checks, over a real socket."""
+"""The service against its OpenAPI schema: schemathesis with all checks over a real socket."""
 
 import re
 import shutil
@@ -18,8 +18,8 @@ CONFIG = Path(__file__).with_name("schemathesis.toml")
 SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
 KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
 LEAST_CAMPAIGN = 20_000
-DELETE_RUN = "delete_run"  # comes last: it takes away what is asked about
-ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # all but three: they are asked and answered alike
+DELETE_RUN = "delete_run"  # excluded: it would move the tested run to the trash
+ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # excluded: they take the same parameters as these three
 PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
 
 
@@ -38,7 +38,7 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
 
 
 def run_schemathesis(bench: RecordedBench, *options: str, timeout: float) -> int:
-    """Try the service; return the number of cases, none of which may have found a fault."""
+    """Run schemathesis; return the number of cases, and assert that none failed."""
     done = subprocess.run(
         [
             str(Path(sys.executable).with_name("schemathesis")),
@@ -78,7 +78,7 @@ def test_service_conforms_to_its_schema_in_twenty_thousand_cases(bench: Recorded
     exclusions = (f"--exclude-path-regex={PNG}", f"--exclude-operation-id={DELETE_RUN}")
     total = run_schemathesis(bench, phases, "--max-examples=700", *exclusions, "--workers=2", timeout=7200.0)
     total += run_schemathesis(bench, phases, "--max-examples=20", f"--include-path-regex={PNG}", timeout=3600.0)
-    assert bench.client.get(f"/api/v1/runs/{KNOWN}/cascade").status_code == 200, "what is asked about is still there"
+    assert bench.client.get(f"/api/v1/runs/{KNOWN}/cascade").status_code == 200, "the tested run still exists"
     total += run_schemathesis(
         bench, phases, "--max-examples=500", f"--include-operation-id={DELETE_RUN}", timeout=3600.0
     )

@@ -1,4 +1,4 @@
-"""The page and the reference: whole, from memory, and with nothing from elsewhere."""
+"""The static page and the REST reference: complete and without external resources."""
 
 import re
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ VIEWER = "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fpro
 
 
 class Links(HTMLParser):
-    """Collects what a page refers to, its ids and its inline scripts and styles."""
+    """Collects a page's references, ids, and inline scripts and styles."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The server: its address, its thread, its end."""
+"""HTTP server: address, thread, shutdown and connection limits."""
 
 import asyncio
 import signal
@@ -19,7 +19,7 @@ from daq.service.server import LimitedHttpProtocol, ServiceServer
 
 
 class HelloApp:
-    """An application that answers after ``delay`` s."""
+    """Application that responds after ``delay`` s."""
 
     def __init__(self, delay: float = 0.0) -> None:
         self.delay = delay
@@ -166,7 +166,7 @@ def test_response_that_fails_after_its_start_is_not_completed() -> None:
 
 
 class StrictProtocol(LimitedHttpProtocol):
-    """A connection of a server for few and quick clients."""
+    """Protocol with a small connection limit and a short timeout."""
 
     max_connections = 3
     request_timeout = 0.3
@@ -187,7 +187,7 @@ def send_text(server: ServiceServer, text: bytes) -> socket.socket:
 
 
 def receive_rest(client: socket.socket) -> bytes:
-    """What still comes until the server closes the connection."""
+    """Return what arrives until the server closes the connection."""
     with client:
         return b"".join(iter(lambda: client.recv(65_536), b""))
 
@@ -207,7 +207,7 @@ def test_timeout_applies_to_the_next_request_too(strict_server: ServiceServer) -
 
 
 def trickle(client: socket.socket) -> None:
-    """Send letter by letter."""
+    """Send a request byte by byte."""
     for _ in range(600):
         client.sendall(b"X")
         time.sleep(0.1)

@@ -1,4 +1,4 @@
-"""Processes that read for the service: what they return, what they raise, and that they end."""
+"""Worker processes: results, exceptions, time limits and shutdown."""
 
 import gc
 import os
@@ -54,7 +54,7 @@ def test_exception_is_raised_in_the_caller(processes: WorkerPool) -> None:
 
 
 class UnpicklableError(Exception):
-    """Made of more than its words."""
+    """Exception that cannot be unpickled: its constructor takes two arguments."""
 
     def __init__(self, file: str, line: int) -> None:
         super().__init__(f"{file}: line {line}")
@@ -101,7 +101,7 @@ def test_dead_process_is_reported_and_replaced(processes: WorkerPool) -> None:
 
 def test_function_is_cancelled_at_its_time_limit() -> None:
     with WorkerPool(1, time_limit=PATIENCE) as processes:
-        processes.run(len, "")  # begun, so that the deadline below is the work's alone
+        processes.run(len, "")  # starts the process, which the time limit below excludes
         processes._time_limit = 0.5
         with pytest.raises(WorkerTimeoutError, match=r"0\.5 s"):
             processes.run(time.sleep, 60.0)

@@ -1,4 +1,4 @@
-"""A browser that a test drives: it chooses files, types and presses as an operator does."""
+"""A browser controlled over the Chrome DevTools Protocol."""
 
 import json
 import subprocess
@@ -11,59 +11,61 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-DEADLINE = 60.0  # s
+TIMEOUT = 60.0  # s
 
 
 class Page:
-    """A page in a browser, by the browser's own protocol for developers."""
+    """A page in a browser, controlled over the Chrome DevTools Protocol."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
         self._number = 0
 
-    def ask(self, method: str, **parameters: object) -> Any:
+    def send_command(self, method: str, **parameters: object) -> Any:
         """Send a command and return its result."""
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
         while True:
-            answer = json.loads(self._socket.recv(DEADLINE))
-            if answer.get("id") == self._number:
-                assert "error" not in answer, answer
-                return answer["result"]
+            response = json.loads(self._socket.recv(TIMEOUT))
+            if response.get("id") == self._number:
+                assert "error" not in response, response
+                return response["result"]
 
     def value(self, expression: str) -> Any:
-        """Return the value of an expression of JavaScript."""
-        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        assert "exceptionDetails" not in answer, answer
-        return answer["result"].get("value")
+        """Return the value of a JavaScript expression."""
+        response = self.send_command("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in response, response
+        return response["result"].get("value")
 
     def until(self, expression: str) -> None:
         """Wait until an expression is true."""
-        end = time.monotonic() + DEADLINE
+        end = time.monotonic() + TIMEOUT
         while not self.value(expression):
             assert time.monotonic() < end, f"{expression}: {self.value('document.body.innerText')}"
             time.sleep(0.05)
 
     def resize(self, width: int, height: int) -> None:
-        """Give the window another size, in the page's pixels."""
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        """Resize the window, CSS pixels."""
+        self.send_command(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False
+        )
 
     def show(self, address: str) -> None:
-        """Go to an address, and wait until it is there."""
-        self.ask("Page.navigate", url=address)
-        place = json.dumps(address.partition("#")[0])  # a page takes what is behind it away
+        """Open a URL and wait until it is loaded."""
+        self.send_command("Page.navigate", url=address)
+        place = json.dumps(address.partition("#")[0])  # the page removes the fragment
         self.until(f"location.href.startsWith({place}) && document.readyState === 'complete'")
 
     def choose_file(self, element: str, path: Path) -> None:
-        """Choose a file in an input of this id."""
-        root = self.ask("DOM.getDocument")["root"]["nodeId"]
-        node = self.ask("DOM.querySelector", nodeId=root, selector=f"#{element}")["nodeId"]
-        self.ask("DOM.setFileInputFiles", files=[str(path)], nodeId=node)
+        """Choose a file in the input with this id."""
+        root = self.send_command("DOM.getDocument")["root"]["nodeId"]
+        node = self.send_command("DOM.querySelector", nodeId=root, selector=f"#{element}")["nodeId"]
+        self.send_command("DOM.setFileInputFiles", files=[str(path)], nodeId=node)
 
 
 @contextmanager
 def driven_page(program: str, profile: Path, address: str) -> Iterator[Page]:
-    """Open an address in a browser of its own."""
+    """Open a URL in a new browser."""
     command = [
         program, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
         "--disable-component-update", "--disable-sync", f"--user-data-dir={profile}", "--remote-debugging-port=0",
@@ -72,18 +74,18 @@ def driven_page(program: str, profile: Path, address: str) -> Iterator[Page]:
     browser = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         port = profile / "DevToolsActivePort"
-        end = time.monotonic() + DEADLINE
+        end = time.monotonic() + TIMEOUT
         while not (port.is_file() and port.read_text().count("\n")):
             assert time.monotonic() < end
             time.sleep(0.05)
         place = f"http://127.0.0.1:{port.read_text().splitlines()[0]}/json/list"
-        with urllib.request.urlopen(place, timeout=DEADLINE) as answer:
-            target = next(one for one in json.load(answer) if one["type"] == "page")
+        with urllib.request.urlopen(place, timeout=TIMEOUT) as response:
+            target = next(one for one in json.load(response) if one["type"] == "page")
         with connect(target["webSocketDebuggerUrl"], max_size=None) as socket:
             page = Page(socket)
-            page.ask("Page.enable")
+            page.send_command("Page.enable")
             page.show(address)
             yield page
     finally:
         browser.kill()
-        browser.wait(DEADLINE)
+        browser.wait(TIMEOUT)

@@ -1,7 +1,7 @@
-"""Photograph a page as an operator sees it: `python tests/daq/support/screenshot.py URL PICTURE.png [SECONDS]`.
+"""Take a screenshot of a page: `python tests/daq/support/screenshot.py URL IMAGE.png [SECONDS]`.
 
-Starts a display without a screen (Xvfb) and Chromium on it, waits, takes the picture with ImageMagick, and ends what it
-started. Needs xvfb, chromium and imagemagick; no graphics card.
+Starts a virtual display (Xvfb) with Chromium, waits, and takes the screenshot with ImageMagick. Needs xvfb, chromium
+and imagemagick, but no graphics card.
 """
 
 import os
@@ -18,12 +18,12 @@ _PROGRAMS = ("Xvfb", "chromium", "import")
 
 
 def missing_programs() -> list[str]:
-    """Return which of the programs needed are not installed."""
+    """Return the required programs that are not installed."""
     return [program for program in _PROGRAMS if shutil.which(program) is None]
 
 
-def photograph(url: str, picture: Path, wait: float = 40.0) -> None:
-    """Write a picture of the page at ``url``, ``wait`` s after the browser was started."""
+def take_screenshot(url: str, image: Path, wait: float = 40.0) -> None:
+    """Write a screenshot of the page at ``url``, ``wait`` s after the start of the browser."""
     width, height = SIZE
     with ExitStack() as stack:
         profile = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
@@ -60,7 +60,7 @@ def photograph(url: str, picture: Path, wait: float = 40.0) -> None:
         stack.callback(_end, browser)
         time.sleep(wait)
         subprocess.run(
-            ["import", "-display", display, "-window", "root", "-depth", "8", "-strip", str(picture)],
+            ["import", "-display", display, "-window", "root", "-depth", "8", "-strip", str(image)],
             check=True,
             timeout=60.0,
         )
@@ -78,4 +78,4 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 if __name__ == "__main__":
     if absent := missing_programs():
         sys.exit(f"not installed: {', '.join(absent)}")
-    photograph(sys.argv[1], Path(sys.argv[2]), *(float(seconds) for seconds in sys.argv[3:4]))
+    take_screenshot(sys.argv[1], Path(sys.argv[2]), *(float(seconds) for seconds in sys.argv[3:4]))

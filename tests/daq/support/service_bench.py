@@ -1,4 +1,4 @@
-"""A served application with everything that it was given, and what a test asks it."""
+"""A running service over fake data, a client for it, and a checker of JSON against OpenAPI schemas."""
 
 import http.client
 from collections.abc import Mapping
@@ -16,7 +16,7 @@ API = "/api/v1"
 
 @dataclass
 class Bench:
-    """A service over loopback, and what stands behind it."""
+    """A service on loopback with its fakes and a client."""
 
     catalogue: FakeCatalogue
     live: FakeLive
@@ -25,11 +25,11 @@ class Bench:
     client: httpx.Client
 
     def get(self, path: str, **parameters: str | int) -> httpx.Response:
-        """Ask for a path under /api/v1."""
+        """Send a GET request for a path below /api/v1."""
         return self.client.get(API + path, params=parameters)
 
     def raw(self, target: str, headers: Mapping[str, str] | None = None) -> tuple[int, dict[str, str], bytes]:
-        """Ask for a target as it stands, without a client that tidies it up: status, headers, content."""
+        """Send a GET request for an unnormalised target; return status, headers and content."""
         connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=60)
         try:
             connection.request("GET", target, headers=dict(headers or {}))
@@ -39,18 +39,18 @@ class Bench:
             connection.close()
 
     def tidy(self) -> None:
-        """Put everything back as it was at first."""
+        """Reset the fakes to their initial state."""
         self.catalogue.trouble = self.summaries.trouble = self.live.frame = None
         self.summaries.gate.set()
 
     def close(self) -> None:
-        """End client and server."""
+        """Close client and server."""
         self.client.close()
         self.server.close()
 
 
 def open_bench(viewer_url: str | None = None, *, host: str = "127.0.0.1", token: str | None = None) -> Bench:
-    """Serve four runs and no live one at a free port of this machine, as if bound to ``host``."""
+    """Start a service with four runs and no live run at a free local port, as if bound to ``host``."""
     catalogue, live = FakeCatalogue(make_entries()), FakeLive()
     summaries = FakeSummaries(catalogue)
     server = ServiceServer(create_app(catalogue, live, summaries, viewer_url, host=host, token=token))
@@ -58,12 +58,12 @@ def open_bench(viewer_url: str | None = None, *, host: str = "127.0.0.1", token:
     return Bench(catalogue, live, summaries, server, httpx.Client(base_url=server.url, timeout=60.0))
 
 
-def faults(value: object, schema: Mapping[str, Any], schemas: Mapping[str, Any], at: str = "$") -> list[str]:
-    """Where a JSON value departs from a schema of an OpenAPI document (the part of JSON Schema that ours use)."""
+def schema_errors(value: object, schema: Mapping[str, Any], schemas: Mapping[str, Any], at: str = "$") -> list[str]:
+    """Return the mismatches of a JSON value with an OpenAPI schema; covers the keywords that the service uses."""
     if "$ref" in schema:
-        return faults(value, schemas[schema["$ref"].rpartition("/")[2]], schemas, at)
+        return schema_errors(value, schemas[schema["$ref"].rpartition("/")[2]], schemas, at)
     if "anyOf" in schema:
-        found = [faults(value, option, schemas, at) for option in schema["anyOf"]]
+        found = [schema_errors(value, option, schemas, at) for option in schema["anyOf"]]
         return [] if any(not one for one in found) else min(found, key=len)
     kinds: dict[str, tuple[type, ...]] = {
         "object": (dict,), "array": (list,), "string": (str,), "boolean": (bool,), "null": (type(None),),
@@ -77,11 +77,15 @@ def faults(value: object, schema: Mapping[str, Any], schemas: Mapping[str, Any],
     if "minimum" in schema and isinstance(value, int | float) and value < schema["minimum"]:
         return [f"{at}: {value!r} is below {schema['minimum']}"]
     if isinstance(value, list) and "items" in schema:
-        return [fault for k, item in enumerate(value) for fault in faults(item, schema["items"], schemas, f"{at}[{k}]")]
-    return _object_faults(value, schema, schemas, at) if isinstance(value, dict) else []
+        return [
+            fault
+            for k, item in enumerate(value)
+            for fault in schema_errors(item, schema["items"], schemas, f"{at}[{k}]")
+        ]
+    return _object_schema_errors(value, schema, schemas, at) if isinstance(value, dict) else []
 
 
-def _object_faults(
+def _object_schema_errors(
     value: dict[str, object], schema: Mapping[str, Any], schemas: Mapping[str, Any], at: str
 ) -> list[str]:
     fields = schema.get("properties", {})
@@ -89,9 +93,9 @@ def _object_faults(
     found = [f"{at}.{name} is missing" for name in schema.get("required", []) if name not in value]
     for name, item in value.items():
         if name in fields:
-            found += faults(item, fields[name], schemas, f"{at}.{name}")
+            found += schema_errors(item, fields[name], schemas, f"{at}.{name}")
         elif others is False:
             found.append(f"{at}.{name} is not in the schema")
         elif isinstance(others, dict):
-            found += faults(item, others, schemas, f"{at}.{name}")
+            found += schema_errors(item, others, schemas, f"{at}.{name}")
     return found

@@ -1,4 +1,4 @@
-"""What the service is given in its tests: a catalogue, a live run and summaries, as a test wants them."""
+"""Fakes for the service: catalogue, live run and summaries."""
 
 import math
 import threading
@@ -28,7 +28,7 @@ UNREADABLE = "2026-11-21T10-00-00-gj90c"
 
 
 def make_entry(run: str = NEWEST, *, rig: str = "gj90c", is_complete: bool = True, fault: str = "") -> RunEntry:
-    """A run as the catalogue lists it."""
+    """Return a run as the catalogue lists it."""
     header = make_header(run)
     return RunEntry(
         id=run,
@@ -55,7 +55,7 @@ def make_entry(run: str = NEWEST, *, rig: str = "gj90c", is_complete: bool = Tru
 
 
 def make_entries() -> list[RunEntry]:
-    """Four runs: one whole, one cut short, one of another rig, one that cannot be read."""
+    """Return four runs: complete, truncated, of another rig, and unreadable."""
     unreadable = RunEntry(
         UNREADABLE, Path("u.mcap"), 12, 1_795_000_000_000_000_000, fault="u.mcap: 12 bytes, no MCAP file"
     )
@@ -68,7 +68,7 @@ def make_entries() -> list[RunEntry]:
 
 
 def make_summary() -> RunSummary:
-    """A run-up with one component below 1X; some of its values are not known."""
+    """Return the summary of a run-up with one component below 1X; some values are unknown."""
 
     def at(time: float, speed_rpm: float) -> TimeInRun:
         return TimeInRun(0, time, speed_rpm * RPM)
@@ -112,7 +112,7 @@ def make_summary() -> RunSummary:
 
 
 def make_agreement() -> Agreement:
-    """The model against that run: 1X agrees up to 14,000 r/min, one whirl of two was measured."""
+    """Return the agreement with the model: 1X agrees up to 14,000 r/min, one of two whirls was measured."""
     return Agreement(
         synchronous=SynchronousAgreement(
             speeds=52,
@@ -135,7 +135,7 @@ def make_agreement() -> Agreement:
 
 
 class FakeCatalogue:
-    """Holds entries; raises ``trouble`` where there is one."""
+    """Catalogue of given entries; raises ``trouble`` if set."""
 
     def __init__(self, entries: list[RunEntry]) -> None:
         self.entries = entries
@@ -157,7 +157,7 @@ class FakeCatalogue:
 
 
 class FakeLive:
-    """Holds a frame."""
+    """Live feed with a settable update."""
 
     def __init__(self) -> None:
         self.frame: LiveUpdate | None = None
@@ -167,7 +167,7 @@ class FakeLive:
 
 
 class FakeSummaries:
-    """Knows one summary; raises ``trouble`` where there is one, and waits for ``gate``."""
+    """Returns one summary; raises ``trouble`` if set, and waits for ``gate``."""
 
     def __init__(self, catalogue: FakeCatalogue) -> None:
         self.catalogue = catalogue

@@ -1,4 +1,4 @@
-"""Another program's file sent in over REST and made into a run: as the command does it, and nothing beside."""
+"""Uploads over REST and import jobs, compared with the import command."""
 
 import asyncio
 import http.client
@@ -33,7 +33,7 @@ VOLTS = {name: {"source": name} for name in ("x", "y", "tacho")}
 
 
 def shaft_table() -> Table:
-    """Return a shaft that turns at 6000 r/min, V."""
+    """Return the signals of a shaft at 6000 r/min, V."""
     time = np.arange(ROWS) / RATE
     turn = 2 * np.pi * 100.0 * time
     x, y = 5 + 0.3 * np.cos(turn), 5 + 0.3 * np.sin(turn)
@@ -58,7 +58,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
 
 @pytest.fixture
 def bench(served: RecordedBench) -> Iterator[RecordedBench]:
-    """The bench without uploads, before and after."""
+    """Return the bench; delete all uploads before and after."""
     yield served
     for upload in served.client.get(f"{API}/uploads").json()["uploads"]:
         served.client.delete(f"{API}/uploads/{upload['upload']}")
@@ -69,7 +69,7 @@ def post_upload(bench: RecordedBench, name: str, content: bytes) -> httpx.Respon
 
 
 def upload_file(bench: RecordedBench, name: str, content: bytes) -> str:
-    """Send a file in; return its id."""
+    """Upload a file; return its id."""
     response = post_upload(bench, name, content)
     assert response.status_code == 201, response.text
     upload: str = response.json()["upload"]
@@ -82,15 +82,15 @@ def request_import(bench: RecordedBench, upload: str, rig: object = OF_RUN, **ma
 
 
 def wait_for_job(bench: RecordedBench, response: httpx.Response) -> JobSchema:
-    """Follow a job to its end."""
+    """Wait for the end of a job."""
     assert response.status_code == 202, response.text
     with bench.client.stream("GET", response.json()["events"]) as stream:
-        told = [line.removeprefix("data: ") for line in stream.iter_lines() if line.startswith("data: ")]
-    return JobSchema.model_validate_json(told[-1])
+        events = [line.removeprefix("data: ") for line in stream.iter_lines() if line.startswith("data: ")]
+    return JobSchema.model_validate_json(events[-1])
 
 
 def imported_run(bench: RecordedBench, response: httpx.Response) -> dict[str, Any]:
-    """Return the run that a job has made."""
+    """Return the run that an import job created."""
     job = wait_for_job(bench, response)
     assert job.state == "done", job.detail
     assert job.result is not None
@@ -100,7 +100,7 @@ def imported_run(bench: RecordedBench, response: httpx.Response) -> dict[str, An
 
 @pytest.fixture
 def shaft_file(tmp_path: Path) -> Callable[[str], bytes]:
-    """Returns the shaft's volts in the form of a file of a name."""
+    """Return a function that writes the shaft's signals in the format of a file name."""
 
     def content(name: str) -> bytes:
         path = tmp_path / name
@@ -136,7 +136,7 @@ def test_tdms_file_is_imported_as_by_the_command(
 
 
 def lvm(table: Table) -> str:
-    """Return a table as LabVIEW writes it."""
+    """Return a table as a LabVIEW measurement file."""
     heads = ("LabVIEW Measurement", "Separator\tComma", "X_Columns\tNo", "***End_of_Header***", "")
     about = ("Channels,3", f"Samples,{ROWS},{ROWS},{ROWS}", *(f"Delta_X{f',{1 / RATE!r}' * 3}",), "***End_of_Header***")
     rows = zip(*(column.values.tolist() for column in table.columns), strict=True)

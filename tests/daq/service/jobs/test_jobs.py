@@ -1,4 +1,4 @@
-"""Jobs over REST: begun, followed, cancelled, their results fetched, over a real loopback socket."""
+"""Jobs over REST on a loopback socket: create, follow, cancel, and download results."""
 
 import io
 import json
@@ -46,7 +46,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
 
 @pytest.fixture
 def bench(served: RecordedBench) -> Iterator[RecordedBench]:
-    """The bench without jobs, before and after."""
+    """Return the bench; delete all jobs before and after."""
     yield served
     served.live.frame = None
     for job in served.client.get(f"{API}/jobs").json()["jobs"]:
@@ -54,7 +54,7 @@ def bench(served: RecordedBench) -> Iterator[RecordedBench]:
 
 
 def start_job(bench: RecordedBench, **job_request: object) -> str:
-    """Begin a job; return its address."""
+    """Create a job; return its URL."""
     response = bench.client.post(f"{API}/jobs", json=job_request)
     assert response.status_code == 202, response.text
     assert JobSchema.model_validate_json(response.content).state in {"waiting", "running"}
@@ -62,7 +62,7 @@ def start_job(bench: RecordedBench, **job_request: object) -> str:
 
 
 def wait_for_job(bench: RecordedBench, url: str) -> JobSchema:
-    """Wait for a job."""
+    """Wait for the end of a job."""
     until = time.monotonic() + 120.0
     while time.monotonic() < until:
         job = JobSchema.model_validate_json(bench.client.get(url).content)
@@ -73,7 +73,7 @@ def wait_for_job(bench: RecordedBench, url: str) -> JobSchema:
 
 
 def run_job(bench: RecordedBench, **job_request: object) -> Any:
-    """Do a job and return its result."""
+    """Run a job and return the response with its result."""
     url = start_job(bench, **job_request)
     job = wait_for_job(bench, url)
     assert job.state == "done", job.detail
@@ -82,7 +82,7 @@ def run_job(bench: RecordedBench, **job_request: object) -> Any:
 
 
 def event_data(lines: Iterator[str]) -> Iterator[Any]:
-    """The documents of a stream of events."""
+    """Yield the JSON data of an event stream."""
     return (json.loads(line.removeprefix("data: ")) for line in lines if line.startswith("data: "))
 
 

@@ -1,4 +1,4 @@
-"""Following the live run, and ending it: events, WebSocket, and who may."""
+"""Live updates as events and over WebSocket, stopping a run, and access to both."""
 
 import json
 import time
@@ -116,9 +116,9 @@ def test_service_stops_with_an_open_event_stream(tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
     with connect(socket_url(bench)) as socket:
         socket.recv(60.0)
-        begun = time.monotonic()
+        started = time.monotonic()
         bench.close()
-        assert time.monotonic() - begun < 2.5
+        assert time.monotonic() - started < 2.5
 
 
 def test_head_of_an_event_stream_returns_at_once(bench: RecordedBench) -> None:
@@ -155,11 +155,11 @@ def test_alarms_of_1x_below_1x_and_speed_have_their_own_units(bench: RecordedBen
 def test_alarms_are_reported_and_acknowledged(bench: RecordedBench) -> None:
     assert bench.client.post(f"{API}/live/acknowledge", json={}).status_code == 404
     bench.live.frame = with_alarm(FRAMES[0], Severity.DANGER)
-    (told,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
-    assert (told["probe"], told["severity"], told["limit_peak_to_peak_um"]) == ("x", "danger", 90.0)
-    assert (told["begin"]["time_s"], told["end"]["time_s"]) == (10.0, 12.0)
+    (alarm,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
+    assert (alarm["probe"], alarm["severity"], alarm["limit_peak_to_peak_um"]) == ("x", "danger", 90.0)
+    assert (alarm["begin"]["time_s"], alarm["end"]["time_s"]) == (10.0, 12.0)
     response = bench.client.post(f"{API}/live/acknowledge", json={})
-    assert (response.status_code, response.json()["alarms"]) == (200, [told])
+    assert (response.status_code, response.json()["alarms"]) == (200, [alarm])
     assert bench.client.post(f"{API}/live/acknowledge", json={"who": "me"}).status_code == 422
 
 

@@ -1,4 +1,4 @@
-"""What REST says of a recorded run, against the library, over a real loopback socket."""
+"""Results of a recorded run over REST, compared with the library."""
 
 import gzip
 import io

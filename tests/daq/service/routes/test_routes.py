@@ -1,4 +1,4 @@
-"""REST: every address, asked well and badly, over a real loopback socket."""
+"""Every REST route with valid and invalid requests over a loopback socket."""
 
 import json
 import threading
@@ -18,7 +18,7 @@ from daq.service.problem_types import ProblemSchema
 from daq.session.live_update import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
 from tests.daq.support.live_updates import make_live_updates
-from tests.daq.support.service_bench import API, Bench, faults, open_bench
+from tests.daq.support.service_bench import API, Bench, open_bench, schema_errors
 from tests.daq.support.service_fakes import CUT, NEWEST, OTHER_RIG, UNREADABLE
 
 
@@ -36,7 +36,7 @@ def bench(served: Bench) -> Iterator[Bench]:
 
 
 def problem(response: httpx.Response) -> ProblemSchema:
-    """The problem that an answer tells of, checked for form."""
+    """Return the problem of a response; assert that its form is correct."""
     assert response.headers["content-type"] == "application/problem+json"
     document = ProblemSchema.model_validate_json(response.content)
     assert document.status == response.status_code
@@ -302,7 +302,7 @@ def test_every_response_matches_its_schema(bench: Bench, schema: dict[str, Any])
         content = schema["paths"][API + path]["get"]["responses"][str(status)]["content"]
         media_type = response.headers["content-type"]
         assert list(content) == [media_type]
-        assert faults(response.json(), content[media_type]["schema"], schema["components"]["schemas"]) == []
+        assert schema_errors(response.json(), content[media_type]["schema"], schema["components"]["schemas"]) == []
 
     check(bench.get("/live"), "/live", 404)
     for frame in make_live_updates(40)[::13]:
@@ -328,7 +328,7 @@ def test_every_response_matches_its_schema(bench: Bench, schema: dict[str, Any])
 def test_schema_checker_finds_mismatches(schema: dict[str, Any]) -> None:
     schemas = schema["components"]["schemas"]
     health = {"health": "fine", "detail": 1, "version": "1", "uptime_s": 1.0, "runs": -1, "more": True}
-    found = faults(health, schemas["HealthSchema"], schemas)
+    found = schema_errors(health, schemas["HealthSchema"], schemas)
     assert {fault.partition(":")[0].partition(" ")[0] for fault in found} == {
         "$.health", "$.detail", "$.runs", "$.live_run", "$.more",
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Changing the data folder over REST: words, trash, recordings sent in, runs started."""
+"""Editing runs over REST: annotations, trash, uploaded recordings, and starting runs."""
 
 import http.client
 import shutil
@@ -28,7 +28,7 @@ SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 0.5, "spee
 
 
 class FakeRun:
-    """A run that ends when it is stopped."""
+    """Run that ends when it is stopped."""
 
     def __init__(self, note: str) -> None:
         self.frame = make_live_updates(1)[0]

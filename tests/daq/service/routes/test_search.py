@@ -1,4 +1,4 @@
-"""The list of runs over REST: filtered, sorted, in pages, against a real catalogue."""
+"""The run list over REST: filters, sort order and pages, with a real catalogue."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,7 +17,7 @@ SLOW, FAST = "2026-11-23T08-00-00-slow", "2026-11-24T09-12-07-fast"
 
 
 def ramp(low: float, high: float, seconds: float) -> dict[str, Any]:
-    """A run-up."""
+    """Return the configuration of a simulated ramp."""
     return {"profile": [{"time_s": 0.0, "speed_rpm": low}, {"time_s": seconds, "speed_rpm": high}]}
 
 
@@ -36,7 +36,7 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
 
 
 def listed(bench: RecordedBench, **query: str | int | list[str]) -> list[str]:
-    """The ids that a question finds."""
+    """Return the ids of the runs that match a query."""
     response = bench.client.get(f"{API}/runs", params=query)
     assert response.status_code == 200, response.text
     return [run["run"] for run in response.json()["runs"]]
