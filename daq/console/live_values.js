@@ -199,7 +199,7 @@ function drawQuality({ measured, status }) {
   const lost = status.lost_samples > 0 || !status.lost_is_exact;
   if (lost) problems.unshift(`${status.lost_is_exact ? "" : "at least "}${formatInteger(status.lost_samples)} samples lost`);
   const isChecked = measured && !["interrupted", "failed"].includes(status.state); // otherwise the banner shows the problem
-  const good = isChecked ? `✓ ${status.state === "armed" ? "" : "gap-free · "}signals good` : "";
+  const good = isChecked ? `✓ ${status.state === "armed" ? "" : "no samples lost · "}signals good` : "";
   element("quality").className = `quality ${lost ? "bad" : problems.length ? "poor" : "good"}`;
   write("quality", problems.length ? `▲ ${problems.join(" · ")}` : good);
   element("quality").title = element("quality").textContent;

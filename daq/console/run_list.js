@@ -57,7 +57,7 @@ function entry(run, open) {
 function badgeOf(run) {
   if (run.rig === null) return { text: "✕ unreadable", level: "bad" };
   if (!run.is_complete) return { text: run.run === document.body.dataset.run ? "under way" : "not finished", level: "poor" };
-  return run.is_gap_free ? { text: "✓ gap-free", level: "good" } : { text: "samples lost", level: "bad" };
+  return run.is_gap_free ? { text: "✓ no samples lost", level: "good" } : { text: "samples lost", level: "bad" };
 }
 
 async function showSummary(body, run) {
@@ -134,7 +134,7 @@ function summary(run) {
   const room = part ? `, ${percent(part)} of the clearance` : "";
   const parts = [
     facts([
-      ["Recording", run.is_gap_free ? "gap-free" : `${run.segments.length} segments, ${lost} samples lost`],
+      ["Recording", run.is_gap_free ? "complete, no samples lost" : `${run.segments.length} segments, ${lost} samples lost`],
       ["Length", `${formatClock(run.duration_s)} · ${formatCount(run.samples)} samples`],
       ...backlogFact(run),
       ["Speed", `${formatInteger(run.lowest_speed_rpm)} to ${formatInteger(run.highest_speed_rpm)} r/min`],

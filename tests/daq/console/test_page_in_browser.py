@@ -130,7 +130,7 @@ def test_page_colours_each_tile_by_the_alarms_of_its_quantity(bench: Bench, tmp_
 
 def test_page_shows_data_quality_in_one_line(bench: Bench, tmp_path: Path) -> None:
     bench.live.frame = FRAME
-    assert text_of(load_page(bench.server.url, tmp_path), "quality") == "✓ gap-free · signals good"
+    assert text_of(load_page(bench.server.url, tmp_path), "quality") == "✓ no samples lost · signals good"
     assert FRAME.snapshot is not None
     doubtful = replace(FRAME.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
     status = replace(FRAME.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
