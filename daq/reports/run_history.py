@@ -14,7 +14,7 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from daq.reports.errors import DataNotFoundError
-from daq.session.offline import Progress, results
+from daq.session.offline import OnProgress, results
 from recordings.errors import NotFoundError
 from recordings.mcap.reader import RunReader
 
@@ -135,7 +135,7 @@ def _read(path: Path, _size: int, _changed_ns: int) -> RunHistory:
     return read_history(path)
 
 
-def read_history(path: Path, on_progress: Progress | None = None) -> RunHistory:
+def read_history(path: Path, on_progress: OnProgress | None = None) -> RunHistory:
     """Return the history of a run's file, not cached; ``on_progress`` receives the fraction done, 0 to 1."""
     rows: list[tuple[float, ...]] = []
     vectors: list[ComplexArray] = []

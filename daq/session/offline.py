@@ -11,10 +11,10 @@ from analysis.signals.snapshot import Snapshot
 from daq.errors import UsageError
 from recordings.mcap.reader import RunReader
 
-Progress = Callable[[float], None]
+OnProgress = Callable[[float], None]
 
 
-def summarise(reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None) -> RunSummary:
+def summarise(reader: RunReader, on_progress: OnProgress | None = None, header: RunHeader | None = None) -> RunSummary:
     """Return the summary of a recording.
 
     The file holds the results of the live analysis. Where that skipped samples, or the file is incomplete, the samples
@@ -39,7 +39,7 @@ def summarise(reader: RunReader, on_progress: Progress | None = None, header: Ru
 
 
 def results(
-    reader: RunReader, on_progress: Progress | None = None, header: RunHeader | None = None
+    reader: RunReader, on_progress: OnProgress | None = None, header: RunHeader | None = None
 ) -> Iterator[Snapshot | SegmentEnd]:
     """Yield the snapshots and segment ends of a recording, stored or computed again as `summarise` does.
 

@@ -34,7 +34,7 @@ from daq.session.preflight.rig_checks import (
 
 CAPTURE_DURATION = 1.0  # s of samples
 
-Progress = Callable[[str], None]
+OnProgress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +121,7 @@ class PreflightReport:
         return worst_verdict(self.checks)
 
 
-def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress: Progress) -> PreflightReport:
+def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress: OnProgress) -> PreflightReport:
     """Open the rig's device, capture a second of samples, and return the checks.
 
     A device that is missing, busy or fails its self-test is a failed check; checks that need no samples follow.
@@ -166,7 +166,7 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
     return PreflightReport(acquisition, tuple(checks), device_error)
 
 
-def _capture_from(rig: Rig, on_progress: Progress) -> tuple[Acquisition, Capture]:
+def _capture_from(rig: Rig, on_progress: OnProgress) -> tuple[Acquisition, Capture]:
     """Return a second of the rig's samples; DeviceError where the device cannot be opened."""
     on_progress("opening the device")
     with closing(open_source(rig)) as source:

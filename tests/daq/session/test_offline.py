@@ -1,5 +1,6 @@
-"""Summary of a recorded run with corrected calibrations, from its samples analysed again."""
+"""Offline analysis of a recording: equal to the live results, and repeated with corrected calibrations."""
 
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,16 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Calibration, RunHeader
 from daq.cli.main import main
 from daq.drivers.factory import open_source
+from daq.drivers.replay import open_replay
 from daq.errors import UsageError
 from daq.session.offline import corrected_header, summarise
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 from tests.daq.conftest import RigFactory
+from tests.daq.support.counted_bench import analysed, encoded_snapshots
+from tests.daq.support.recorded_bench import record_run
+
+RUN_UP = {"profile": [{"time_s": 0.0, "speed_rpm": 4000.0}, {"time_s": 2.0, "speed_rpm": 9000.0}]}
 
 
 @pytest.fixture
@@ -86,3 +92,15 @@ def test_summary_with_an_invalid_calibration_option_reports_the_error(
     with pytest.raises(SystemExit):
         main(["summary", str(run), "--calibration", "probe-x.toml"])
     assert "expected a probe and a file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("block", [None, 97, 4_096, 100_000])
+def test_offline_results_equal_live_results_for_any_block_size(
+    rig: RigFactory, tmp_path: Path, block: int | None
+) -> None:
+    path = record_run(rig(simulation=RUN_UP), tmp_path)  # with the results of a live analysis
+    with RunReader(path) as reader, closing(open_replay(path, None, block=block)) as source:
+        live = list(reader.snapshots())
+        offline = analysed(reader.header, source.blocks())
+        assert sum(snapshot.frame is not None for snapshot in live) >= 10
+        assert encoded_snapshots(reader.header, offline) == encoded_snapshots(reader.header, live)
