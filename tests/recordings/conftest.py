@@ -1,4 +1,4 @@
-"""A small rig's header, blocks and snapshots for the tests of recordings."""
+"""Fixtures for the tests of recordings: header, blocks, snapshots, databases."""
 
 import math
 import os
@@ -70,13 +70,13 @@ def header() -> RunHeader:
 
 @pytest.fixture
 def codes_of() -> Callable[..., NDArray[np.int16]]:
-    """Return the maker of the codes of a stretch: (segment, first, stop)."""
+    """Return a function that returns the codes of an interval: (segment, first, stop)."""
     return _codes
 
 
 @pytest.fixture
 def make_block() -> Callable[..., SampleBlock]:
-    """Return a maker of blocks whose codes follow from segment and sample alone, rails included."""
+    """Return a function that makes blocks; codes depend on segment and sample only, and reach both rails."""
 
     def make(segment: int, first_sample: int, n_samples: int, n_channels: int = 3) -> SampleBlock:
         return SampleBlock(
@@ -92,7 +92,7 @@ def make_block() -> Callable[..., SampleBlock]:
 
 @pytest.fixture
 def make_snapshot() -> Callable[..., Snapshot]:
-    """Return a maker of snapshots with values that no rounding would leave alone."""
+    """Return a function that makes snapshots with values that any rounding would change."""
 
     def make(segment: int, sample: int, *, with_frame: bool = True, with_whirl: bool = True) -> Snapshot:
         random = np.random.default_rng(sample)
@@ -140,7 +140,7 @@ def make_snapshot() -> Callable[..., Snapshot]:
 
 
 def _codes(segment: int, first: int, stop: int, n_channels: int = 3) -> NDArray[np.int16]:
-    """Return codes that look like two noisy sines and a tacho, and touch both rails."""
+    """Return codes like noisy sines that reach both rails."""
     sample = np.arange(first, stop, dtype=np.uint64)
     noise = ((sample * np.uint64(2654435761)) >> np.uint64(7)) & np.uint64(15)
     angle = 2 * np.pi * 0.0075 * sample.astype(np.float64)
@@ -151,14 +151,14 @@ def _codes(segment: int, first: int, stop: int, n_channels: int = 3) -> NDArray[
 
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[str]:
-    """Run a PostgreSQL server for all tests that need one."""
+    """Run one PostgreSQL server for all tests; return its address."""
     with server() as address:
         yield address
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def database(request: pytest.FixtureRequest) -> Iterator[str]:
-    """Let catalogues keep what they know in SQLite in their folders, then in an empty schema of a real server."""
+    """Run a test with SQLite in the data folder, then with an empty schema of a PostgreSQL server."""
     before = os.environ.pop("RIG_CATALOGUE", None)
     if request.param == "postgresql":
         name = f"test_{uuid4().hex}"

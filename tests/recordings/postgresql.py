@@ -1,4 +1,4 @@
-"""A PostgreSQL server of the tests' own: on loopback, at a free port, in a temporary folder."""
+"""A PostgreSQL server for tests: on loopback, at a free port, in a temporary folder."""
 
 import os
 import shutil
@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 SYSTEM_USER = "postgres"  # what Debian's package makes; the server refuses to run as root
-PATIENCE = 60.0
+TIMEOUT = 60.0
 
 
 def programs() -> Path | None:
-    """Return the folder of the server's programs, None where it is not installed."""
+    """Return the folder of the server's programs; None if it is not installed."""
     for folder in sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True):
         if (folder / "initdb").exists() and (folder / "postgres").exists():
             return folder
@@ -29,48 +29,48 @@ def programs() -> Path | None:
 
 @contextmanager
 def server(port: int | None = None) -> Iterator[str]:
-    """Run a server, at a free port where none is given; gives the address, to be followed by a database."""
+    """Run a server, by default at a free port; yield its address, to which a database name is appended."""
     folder = programs()
     if folder is None:
         reason = "PostgreSQL's server is not installed (Debian package postgresql)"
         if os.environ.get("CI") == "true":
             pytest.fail(reason)
         pytest.skip(reason)
-    place = Path(tempfile.mkdtemp(prefix="rig-postgresql-"))
+    home = Path(tempfile.mkdtemp(prefix="rig-postgresql-"))
     user = None
     if sys.platform != "win32" and os.geteuid() == 0:
         user = SYSTEM_USER
-        shutil.chown(place, user)
+        shutil.chown(home, user)
     try:
-        data = str(place / "data")
+        data = str(home / "data")
         subprocess.run(
             [folder / "initdb", "-D", data, "-U", "rig", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"],
-            check=True, capture_output=True, user=user, cwd=place,
+            check=True, capture_output=True, user=user, cwd=home,
         )  # fmt: skip
         port = free_port() if port is None else port
         settings = {"listen_addresses": "127.0.0.1", "port": port, "unix_socket_directories": "", "fsync": "off"}
         options = [word for name, value in settings.items() for word in ("-c", f"{name}={value}")]
         with (
-            (place / "log").open("wb") as log,
+            (home / "log").open("wb") as log,
             subprocess.Popen(
-                [folder / "postgres", "-D", data, *options], stdout=log, stderr=log, user=user, cwd=place
+                [folder / "postgres", "-D", data, *options], stdout=log, stderr=log, user=user, cwd=home
             ) as running,
         ):
             try:
-                wait_for(port, running, place / "log")
+                wait_for(port, running, home / "log")
                 yield f"postgresql+psycopg://rig@127.0.0.1:{port}/"
             finally:
-                running.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
-                running.wait(PATIENCE)
+                running.send_signal(signal.SIGQUIT)  # immediate shutdown: the data are not needed any more
+                running.wait(TIMEOUT)
     finally:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(home, ignore_errors=True)
 
 
 def wait_for(port: int, running: "subprocess.Popen[bytes]", log: Path) -> None:
     """Wait until the server answers."""
     import psycopg  # noqa: PLC0415  # only where there is a server
 
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + TIMEOUT
     while True:
         try:
             psycopg.connect(host="127.0.0.1", port=port, user="rig", dbname="postgres", connect_timeout=2).close()
@@ -83,7 +83,7 @@ def wait_for(port: int, running: "subprocess.Popen[bytes]", log: Path) -> None:
 
 
 def new_schema(address: str, name: str) -> str:
-    """Make an empty schema, which is quicker than a database, and return the address of its tables."""
+    """Create an empty schema, which is faster than a database, and return the address of its tables."""
     import psycopg  # noqa: PLC0415  # only where there is a server
 
     with psycopg.connect(address.replace("+psycopg", "") + "postgres", autocommit=True) as connection:
@@ -92,7 +92,7 @@ def new_schema(address: str, name: str) -> str:
 
 
 def free_port() -> int:
-    """Return a port of loopback that nobody listens at."""
+    """Return an unused loopback port."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

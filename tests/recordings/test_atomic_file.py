@@ -1,4 +1,4 @@
-"""A file that is written aside is there whole or not at all."""
+"""Atomic writes: a file is complete or absent."""
 
 from pathlib import Path
 
@@ -7,18 +7,18 @@ import pytest
 from recordings.atomic_file import atomic_write, replace_with_retry
 
 
-def test_draft_takes_the_place_of_the_file_at_the_end(tmp_path: Path) -> None:
-    place = tmp_path / "report.html"
-    place.write_text("before")
-    with atomic_write(place) as temporary:
+def test_temporary_file_replaces_the_file_at_the_end(tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    path.write_text("before")
+    with atomic_write(path) as temporary:
         temporary.write_text("after")
-        assert place.read_text() == "before"
-    assert place.read_text() == "after"
-    assert list(tmp_path.iterdir()) == [place]
+        assert path.read_text() == "before"
+    assert path.read_text() == "after"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, SystemExit, OSError])
-def test_nothing_is_left_of_a_draft_that_is_interrupted(interruption: type[BaseException], tmp_path: Path) -> None:
+def test_interrupted_write_leaves_no_file(interruption: type[BaseException], tmp_path: Path) -> None:
     def write() -> None:
         with atomic_write(tmp_path / "report.html") as temporary:
             temporary.write_text("half")
@@ -29,8 +29,8 @@ def test_nothing_is_left_of_a_draft_that_is_interrupted(interruption: type[BaseE
     assert not list(tmp_path.iterdir())
 
 
-class Held:
-    """A file that somebody reads for a few attempts, on a system that then moves nothing over it."""
+class FileInUse:
+    """A file that is in use during the first attempts, on a system that does not replace files in use."""
 
     def __init__(self, attempts: int) -> None:
         self.attempts = attempts
@@ -43,14 +43,14 @@ class Held:
         self.moved.append(target)
 
 
-def test_file_that_is_being_read_is_replaced_as_soon_as_it_is_let_go(tmp_path: Path) -> None:
-    held = Held(2)
-    replace_with_retry(held, tmp_path / "map.npz")
-    assert held.moved == [tmp_path / "map.npz"]
+def test_file_in_use_is_replaced_once_it_is_closed(tmp_path: Path) -> None:
+    file = FileInUse(2)
+    replace_with_retry(file, tmp_path / "map.npz")
+    assert file.moved == [tmp_path / "map.npz"]
 
 
-def test_file_that_is_read_on_and_on_is_told_of(tmp_path: Path) -> None:
-    held = Held(100)
+def test_file_that_stays_in_use_is_an_error(tmp_path: Path) -> None:
+    file = FileInUse(100)
     with pytest.raises(PermissionError, match="used by another process"):
-        replace_with_retry(held, tmp_path / "map.npz")
-    assert held.moved == []
+        replace_with_retry(file, tmp_path / "map.npz")
+    assert file.moved == []

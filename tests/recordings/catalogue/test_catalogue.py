@@ -1,4 +1,4 @@
-"""The catalogue lists what is there, damaged or not, and no id leads out of its folder."""
+"""The catalogue lists all runs, damaged or not, and no id leads out of its folder."""
 
 import os
 import re
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("database")
 
 @pytest.fixture
 def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Callable[[str, int], Path]:
-    """Return a recorder of short runs in the data folder."""
+    """Return a function that writes a short run into the data folder."""
 
     def write(run_id: str, started_ns: int) -> Path:
         writer = RunWriter(tmp_path / f"{run_id}.mcap", replace(header, run=run_id, started_ns=started_ns))
@@ -51,11 +51,11 @@ def test_runs_are_listed_newest_first(tmp_path: Path, record: Callable[[str, int
     assert entry.header.run == "a"
 
 
-def test_a_folder_that_does_not_exist_yet_holds_no_runs(tmp_path: Path) -> None:
+def test_missing_data_folder_has_no_runs(tmp_path: Path) -> None:
     assert Catalogue(tmp_path / "data").runs() == []
 
 
-def test_a_file_in_the_place_of_the_folder_is_said(tmp_path: Path) -> None:
+def test_file_instead_of_the_data_folder_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "data").write_text("")
     with pytest.raises(StorageError, match="data"):
         Catalogue(tmp_path / "data").new_run("rig", 0)
@@ -63,7 +63,7 @@ def test_a_file_in_the_place_of_the_folder_is_said(tmp_path: Path) -> None:
         Catalogue(tmp_path / "data").runs()
 
 
-def test_damaged_files_are_listed_with_what_is_wrong(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_damaged_files_are_listed_with_their_fault(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     record("good", SECOND)
     cut = record("cut", 2 * SECOND)
     cut.write_bytes(cut.read_bytes()[:-50])
@@ -81,14 +81,14 @@ def test_damaged_files_are_listed_with_what_is_wrong(tmp_path: Path, record: Cal
     assert faults["text"].endswith("text.mcap: is not an MCAP file (its first bytes are not MCAP's)")
 
 
-def test_a_copy_that_a_file_manager_made_is_a_run_too(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_copy_made_by_a_file_manager_is_a_run(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     path = record("2026-11-24T09-12-07-gj90c (copy 2)", SECOND)
     catalogue = Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == [path.stem]
     assert catalogue.path(path.stem) == path
 
 
-def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
+def test_growth_and_completion_of_a_run_are_noticed_at_once(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock
 ) -> None:
     catalogue = Catalogue(tmp_path)
@@ -99,7 +99,7 @@ def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
             assert 0 < catalogue.run("run").samples <= 22_000
             assert catalogue.run("run").fault.startswith("not finished")
     deadline = time.monotonic() + 20
-    while catalogue.run("run").samples < 195_000:  # a file that is long to read is not read again at once
+    while catalogue.run("run").samples < 195_000:  # a growing file is read again after an interval
         assert time.monotonic() < deadline
         time.sleep(0.01)
     writer.write_segment_end(SegmentEnd(0, 200_000, EndReason.STOPPED))
@@ -108,7 +108,7 @@ def test_a_run_being_written_is_seen_to_grow_and_to_be_complete_at_once(
     assert (entry.samples, entry.is_complete, entry.fault) == (200_000, True, "")
 
 
-def test_a_file_that_changes_is_read_again(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_changed_file_is_read_again(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     path = record("run", SECOND)
     catalogue = Catalogue(tmp_path)
     assert catalogue.run("run").is_complete
@@ -126,30 +126,30 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path, record: Callable[[str
     ["../secret", "..", ".", "", "/etc/passwd", "a/b", "a\\b", "..\\secret", "secret.mcap", "C:secret", "a\0b", "a\n",
      "%2e%2e%2fsecret", "x" * 200, "…", "-"],
 )  # fmt: skip
-def test_an_id_that_is_none_never_reaches_the_disk(
+def test_invalid_id_never_reaches_the_file_system(
     tmp_path: Path, record: Callable[[str, int], Path], run_id: str
 ) -> None:
     secret = record("secret", SECOND)
     folder = tmp_path / "data"
     folder.mkdir()
     catalogue = Catalogue(folder)
-    for ask in (catalogue.path, catalogue.run, lambda wanted: catalogue.load_cached(wanted, "summary")):
+    for method in (catalogue.path, catalogue.run, lambda invalid: catalogue.load_cached(invalid, "summary")):
         with pytest.raises(NotFoundError, match="there is no such run"):
-            ask(run_id)
+            method(run_id)
     assert secret.exists()
 
 
-def test_the_id_of_a_new_run_tells_when_and_which_rig(tmp_path: Path) -> None:
+def test_id_of_a_new_run_has_start_and_rig(tmp_path: Path) -> None:
     started = datetime(2026, 11, 24, 9, 12, 7, 999_999, UTC)
     run_id, path = Catalogue(tmp_path / "data" / "deep").new_run("GJ90C: bench/µm", int(started.timestamp()) * SECOND)
     local = started.astimezone()
     assert run_id == f"{local:%Y-%m-%dT%H-%M-%S}-gj90c-bench-m"
     assert path == tmp_path / "data" / "deep" / f"{run_id}.mcap"
     assert path.parent.is_dir()
-    assert re.fullmatch(r"[A-Za-z0-9-]+", run_id), "no colons: Windows forbids them"
+    assert re.fullmatch(r"[A-Za-z0-9-]+", run_id), "Windows forbids colons"
 
 
-def test_an_id_that_is_taken_gets_a_number(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_used_id_gets_a_number(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     catalogue = Catalogue(tmp_path)
     first, _ = catalogue.new_run("rig", SECOND)
     record(first, SECOND)
@@ -161,16 +161,16 @@ def test_an_id_that_is_taken_gets_a_number(tmp_path: Path, record: Callable[[str
     assert {entry.id for entry in catalogue.runs()} == {first, second}
 
 
-def test_a_rig_without_a_usable_name_still_gets_an_id(tmp_path: Path) -> None:
+def test_rig_without_a_usable_name_gets_an_id(tmp_path: Path) -> None:
     run_id, _ = Catalogue(tmp_path).new_run("…", 0)
     assert run_id.endswith("-rig")
 
 
-def test_free_room_is_known_before_the_folder_is_there(tmp_path: Path) -> None:
+def test_free_space_is_known_before_the_folder_exists(tmp_path: Path) -> None:
     assert Catalogue(tmp_path / "a" / "b").free_bytes() > 0
 
 
-def test_documents_are_kept_until_the_file_changes(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
+def test_results_are_cached_until_the_file_changes(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     path = record("run", SECOND)
     catalogue = Catalogue(tmp_path)
     assert catalogue.load_cached("run", "summary") is None
@@ -184,9 +184,7 @@ def test_documents_are_kept_until_the_file_changes(tmp_path: Path, record: Calla
     assert [entry.id for entry in catalogue.runs()] == ["run"]
 
 
-def test_the_data_folder_is_the_setting_then_the_environment_then_data(
-    tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_data_folder_is_setting_then_environment_then_default(tmp_path: Path, request: pytest.FixtureRequest) -> None:
     before = os.environ.pop("RIG_DATA", None)
     request.addfinalizer(lambda: os.environ.update({"RIG_DATA": before} if before is not None else {}))
     request.addfinalizer(lambda: os.environ.pop("RIG_DATA", None) and None)

@@ -1,4 +1,4 @@
-"""The folder's own database is a convenience: a folder that cannot take it is no fault."""
+"""The catalogue's database can be damaged, deleted, locked or full; runs are listed all the same."""
 
 import shutil
 import socket
@@ -21,13 +21,13 @@ from recordings.mcap.writer import RunWriter
 from tests.recordings.postgresql import free_port, new_schema, server
 
 
-def test_a_folder_that_takes_no_catalogue_is_no_fault(
+def test_folder_that_cannot_be_written_gets_a_temporary_database(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 2000))
     writer.close()
-    (tmp_path / ".rig").write_text("a file in its place")
+    (tmp_path / ".rig").write_text("a file instead of a folder")
     catalogue = Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == ["run"]
     catalogue.store_cached("run", "summary", {"a": 1})
@@ -35,13 +35,13 @@ def test_a_folder_that_takes_no_catalogue_is_no_fault(
     assert Catalogue(tmp_path).load_cached("run", "summary") is None
 
 
-def test_a_catalogue_that_another_process_holds_is_left_alone(tmp_path: Path) -> None:
+def test_locked_database_is_not_deleted(tmp_path: Path) -> None:
     with Database(tmp_path).reading():
         pass
     file = tmp_path / ".rig" / "catalogue.sqlite"
     before = file.stat().st_ino
-    with closing(sqlite3.connect(file, isolation_level=None)) as other:
-        other.execute("BEGIN IMMEDIATE")
+    with closing(sqlite3.connect(file, isolation_level=None)) as holder:
+        holder.execute("BEGIN IMMEDIATE")
         with (
             pytest.raises(StorageError, match=r"catalogue\.sqlite: database is locked"),
             Database(tmp_path, lock_timeout=0.1).writing(),
@@ -52,7 +52,7 @@ def test_a_catalogue_that_another_process_holds_is_left_alone(tmp_path: Path) ->
         pass
 
 
-def test_a_spoilt_catalogue_is_made_anew(tmp_path: Path) -> None:
+def test_damaged_database_is_created_again(tmp_path: Path) -> None:
     (tmp_path / ".rig").mkdir()
     (tmp_path / ".rig" / "catalogue.sqlite").write_bytes(b"SQLite format 3\0" + bytes(range(256)) * 40)
     with Database(tmp_path).reading() as connection:
@@ -61,14 +61,14 @@ def test_a_spoilt_catalogue_is_made_anew(tmp_path: Path) -> None:
         assert read.execute("SELECT version FROM rig_schema").fetchall() == [(VERSION,)]
 
 
-def test_a_server_that_takes_a_call_and_says_nothing_is_given_up() -> None:
+def test_connection_to_a_silent_server_times_out() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"postgresql+psycopg://rig@127.0.0.1:{silent.getsockname()[1]}/runs?connect_timeout=2"
         with pytest.raises(StorageError, match="timeout"), Database(Path(), address).reading():
             pass
 
 
-def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresql: str, tmp_path: Path) -> None:
+def test_writer_on_a_server_waits_until_the_lock_timeout(postgresql: str, tmp_path: Path) -> None:
     address = new_schema(postgresql, f"test_{uuid4().hex}")
     with Database(tmp_path, address).writing(), pytest.raises(StorageError, match="lock timeout"):  # noqa: SIM117
         with Database(tmp_path, address, lock_timeout=0.2).writing():
@@ -78,7 +78,7 @@ def test_a_writer_of_a_server_waits_for_its_turn_no_longer_than_it_may(postgresq
 
 
 @pytest.mark.campaign
-def test_a_catalogue_goes_on_when_its_server_comes_back(
+def test_catalogue_continues_when_its_server_returns(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
@@ -91,30 +91,30 @@ def test_a_catalogue_goes_on_when_its_server_comes_back(
         catalogue.annotate("run", remark="cold oil")
     with pytest.raises(StorageError, match="catalogue postgresql"):
         catalogue.runs()
-    with server(port):  # another, empty: the files are the truth
+    with server(port):  # a new, empty server: everything is read from the files
         assert [(entry.id, entry.remark) for entry in catalogue.runs()] == [("run", "cold oil")]
 
 
-@pytest.mark.parametrize("thrown", [".rig", ".rig/catalogue.sqlite"])
-def test_a_catalogue_that_is_thrown_away_while_it_is_used_is_made_anew(
-    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock], thrown: str
+@pytest.mark.parametrize("deleted", [".rig", ".rig/catalogue.sqlite"])
+def test_database_deleted_while_in_use_is_created_again(
+    tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock], deleted: str
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 2000))
     writer.close()
     catalogue, other = Catalogue(tmp_path), Catalogue(tmp_path)
     assert [entry.id for entry in catalogue.runs()] == [entry.id for entry in other.runs()] == ["run"]
-    place = tmp_path / thrown
-    if place.is_dir():
-        shutil.rmtree(place)
+    path = tmp_path / deleted
+    if path.is_dir():
+        shutil.rmtree(path)
     else:
-        place.unlink()
+        path.unlink()
     for each in (catalogue, other):
         assert [entry.id for entry in each.runs()] == ["run"]
-    assert place.exists()
+    assert path.exists()
 
 
-def test_runs_are_listed_and_put_away_though_the_catalogue_takes_no_more(
+def test_runs_are_listed_and_trashed_though_the_database_is_full(
     tmp_path: Path, header: RunHeader, make_block: Callable[..., SampleBlock]
 ) -> None:
     catalogue = Catalogue(tmp_path)

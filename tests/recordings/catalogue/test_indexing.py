@@ -1,4 +1,4 @@
-"""The catalogue notices what changed, answers searches, is shared by processes, and can be thrown away."""
+"""Indexing, search, annotations and sharing of a catalogue whose database can be deleted at any time."""
 
 import math
 import multiprocessing
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("database")
 
 @pytest.fixture
 def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Record:
-    """Return a recorder of short runs in the data folder."""
+    """Return a function that writes a short run into the data folder."""
 
     def write(run_id: str, started_s: int = 1, note: str = "") -> Path:
         path = tmp_path / f"{run_id}.mcap"
@@ -46,7 +46,7 @@ def record(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> Record:
 
 
 def summarise(reader: RunReader) -> RunSummary:
-    """Return a summary with speeds and a whirl that follow from when the run began: 1000 s is 1000 r/min."""
+    """Return a summary whose speeds and whirl follow from the start of the run: 1000 s is 1000 r/min."""
     speed = reader.header.started_ns / SECOND * RPM
     begin, end = TimeInRun(0, 1.0, 10 * speed), TimeInRun(0, 2.0, 11 * speed)
     whirl = WhirlFinding(0.48, 0.49, begin, end, 14e-6, end, is_forward=True, frames=5)
@@ -54,7 +54,7 @@ def summarise(reader: RunReader) -> RunSummary:
     return replace(summary, lowest_speed=speed, highest_speed=12 * speed, whirls=(whirl,))
 
 
-def test_a_run_is_found_by_a_moment_that_was_named(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_run_is_found_by_the_text_of_a_marker(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 2000))
     writer.add_result(encode_marker(Marker(0, 1000, "oil valve opened", 7), header))
@@ -71,7 +71,7 @@ def ids(found: list[object]) -> list[str]:
     return [str(getattr(entry, "id", entry)) for entry in found]
 
 
-def test_the_index_tells_new_changed_damaged_and_vanished_files(tmp_path: Path, record: Record) -> None:
+def test_index_reports_new_changed_damaged_and_vanished_files(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     for name in ("a", "b", "c"):
         record(name)
@@ -85,18 +85,18 @@ def test_the_index_tells_new_changed_damaged_and_vanished_files(tmp_path: Path, 
     os.utime(a, (200, 200))
     (tmp_path / "b.mcap").unlink()
     record("d")
-    (tmp_path / "text.mcap").write_text("no recording")
+    (tmp_path / "text.mcap").write_text("not a recording")
     os.utime(tmp_path / "text.mcap", (200, 200))
-    for looker in (Catalogue(tmp_path), catalogue):
-        report = looker.index(summarise)
-        if looker is not catalogue:  # what one has noticed is known to all
+    for user in (Catalogue(tmp_path), catalogue):
+        report = user.index(summarise)
+        if user is not catalogue:  # the first to index updates the shared database
             assert (report.new, report.changed, report.vanished) == (("d", "text"), ("a",), ("b",))
         else:
             assert (report.new, report.changed, report.vanished, report.unchanged) == ((), (), (), 4)
         assert report.damaged == ("a", "text")
 
 
-def test_what_was_known_of_a_file_is_forgotten_when_it_changes(tmp_path: Path, record: Record) -> None:
+def test_summary_and_verdict_are_deleted_when_a_file_changes(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     path = record("run", 1000)
     catalogue.index(summarise, verify_files=True)
@@ -114,12 +114,12 @@ def test_what_was_known_of_a_file_is_forgotten_when_it_changes(tmp_path: Path, r
     assert catalogue.run("run").verdict == "unreadable"
 
 
-def test_a_summary_of_a_file_that_changed_meanwhile_is_not_kept(tmp_path: Path, record: Record) -> None:
+def test_summary_of_a_file_that_changed_meanwhile_is_not_stored(tmp_path: Path, record: Record) -> None:
     path = record("run", 1000)
 
     def summarise_slowly(reader: RunReader) -> RunSummary:
         os.utime(path, (7000, 7000))
-        assert ids([*Catalogue(tmp_path).runs()]) == ["run"], "another process looks at the file as it is now"
+        assert ids([*Catalogue(tmp_path).runs()]) == ["run"], "another catalogue reads the changed file"
         return summarise(reader)
 
     catalogue = Catalogue(tmp_path)
@@ -129,7 +129,7 @@ def test_a_summary_of_a_file_that_changed_meanwhile_is_not_kept(tmp_path: Path, 
     assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
 
 
-def test_an_index_that_is_stopped_keeps_what_it_has_summed_up(tmp_path: Path, record: Record) -> None:
+def test_interrupted_index_stores_the_summaries_so_far(tmp_path: Path, record: Record) -> None:
     for name, started_s in (("late", 2000), ("early", 1000)):
         record(name, started_s)
 
@@ -143,7 +143,7 @@ def test_an_index_that_is_stopped_keeps_what_it_has_summed_up(tmp_path: Path, re
     assert ids([*Catalogue(tmp_path).search(Search(onset_below=30_000 * RPM))]) == ["late"]
 
 
-def test_searches_find_what_they_ask_for(tmp_path: Path, record: Record) -> None:
+def test_search_applies_every_criterion(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     for name, started_s, note in (
         ("slow", 100, "Cold oil 20 %"),
@@ -171,7 +171,7 @@ def test_searches_find_what_they_ask_for(tmp_path: Path, record: Record) -> None
     assert found(Search(text="oil")) == everything
     assert found(Search(text="OIL warm")) == {"middle", "fast"}
     assert found(Search(text="20 %")) == {"slow"}
-    assert found(Search(text="m_o")) == {"fast"}, "_ stands for itself"
+    assert found(Search(text="m_o")) == {"fast"}, "_ is no wildcard"
     assert found(Search(text="bearing")) == {"slow"}
     assert found(Search(tags=("good",))) == {"slow", "fast"}
     assert found(Search(tags=("good", "reference"))) == {"slow"}
@@ -181,7 +181,7 @@ def test_searches_find_what_they_ask_for(tmp_path: Path, record: Record) -> None
     assert found(Search(text="oil", tags=("good",), onset_below=9000 * RPM)) == {"slow"}
 
 
-def test_remarks_and_tags_lie_beside_the_run_and_are_seen_by_all(tmp_path: Path, record: Record) -> None:
+def test_annotations_are_stored_beside_the_run_and_seen_by_other_catalogues(tmp_path: Path, record: Record) -> None:
     before = record("run").read_bytes()
     one, other = Catalogue(tmp_path), Catalogue(tmp_path)
     assert other.run("run").tags == ()
@@ -197,14 +197,14 @@ def test_remarks_and_tags_lie_beside_the_run_and_are_seen_by_all(tmp_path: Path,
 
 
 @pytest.mark.parametrize("tag", ["", " ", " a", "a\n", "x" * 65])
-def test_a_tag_that_cannot_be_one_is_refused(tmp_path: Path, record: Record, tag: str) -> None:
+def test_invalid_tag_is_an_error(tmp_path: Path, record: Record, tag: str) -> None:
     record("run")
     with pytest.raises(ValueError, match="tag: "):
         Catalogue(tmp_path).annotate("run", tags=["good", tag])
     assert not (tmp_path / "run.notes.json").exists()
 
 
-def test_only_runs_that_are_there_can_be_annotated(tmp_path: Path) -> None:
+def test_annotating_an_unknown_run_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(NotFoundError):
         Catalogue(tmp_path).annotate("run", tags=["good"])
     with pytest.raises(NotFoundError):
@@ -212,19 +212,17 @@ def test_only_runs_that_are_there_can_be_annotated(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"tags": 3, "remark": ""}', '{"remark": ""}'])
-def test_spoilt_annotations_are_none(tmp_path: Path, record: Record, text: str) -> None:
+def test_damaged_annotations_are_empty(tmp_path: Path, record: Record, text: str) -> None:
     record("run")
     (tmp_path / "run.notes.json").write_text(text)
     assert Catalogue(tmp_path).run("run").tags == ()
 
 
-def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
-    tmp_path: Path, record: Record, database: str
-) -> None:
+def test_deleted_database_is_built_again_from_the_files(tmp_path: Path, record: Record, database: str) -> None:
     catalogue = Catalogue(tmp_path)
     for k, name in enumerate(("a", "b", "c")):
         record(name, 100 * (k + 1))
-    catalogue.annotate("b", tags=["good"], remark="words")
+    catalogue.annotate("b", tags=["good"], remark="a remark")
     catalogue.index(summarise, verify_files=True)
     before = catalogue.runs()
     wanted = Search(onset_below=2001 * RPM, tags=("good",))
@@ -234,7 +232,7 @@ def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
         (tmp_path / ".rig" / "catalogue.sqlite").unlink()
         (tmp_path / ".rig" / "catalogue.sqlite").write_bytes(b"not a database, but long enough to look like one" * 100)
     else:
-        from sqlalchemy import create_engine  # noqa: PLC0415  # to do what no code of ours does
+        from sqlalchemy import create_engine  # noqa: PLC0415  # to change the database behind the catalogue
 
         from recordings.catalogue.tables import METADATA  # noqa: PLC0415
 
@@ -247,8 +245,8 @@ def test_a_catalogue_that_was_thrown_away_is_built_again_from_the_files(
     assert fresh.search(wanted) == found
 
 
-def test_a_catalogue_of_another_version_is_built_again(tmp_path: Path, record: Record) -> None:
-    from sqlalchemy import create_engine, text  # noqa: PLC0415  # to do what no code of ours does
+def test_database_of_another_version_is_built_again(tmp_path: Path, record: Record) -> None:
+    from sqlalchemy import create_engine, text  # noqa: PLC0415  # to change the database behind the catalogue
 
     record("run")
     Catalogue(tmp_path).index(summarise)
@@ -270,13 +268,13 @@ def test_equal_calibrations_have_equal_identities(header: RunHeader) -> None:
     assert same != calibration_identity(replace(header.acquisition, channels=(other, y, tacho)))
 
 
-def hammer(folder: Path, number: int) -> None:
-    """List, annotate, index and keep documents for a while."""
+def use_catalogue(folder: Path, number: int) -> None:
+    """List, annotate, index and cache results, five times."""
     catalogue = Catalogue(folder)
     for k in range(5):
         entries = catalogue.runs()
         catalogue.annotate(entries[k % len(entries)].id, tags=[*entries[k % len(entries)].tags, f"tag-{number}-{k}"])
-        catalogue.store_cached(entries[0].id, f"document-{number}", {"k": k})
+        catalogue.store_cached(entries[0].id, f"result-{number}", {"k": k})
         catalogue.index(summarise)
         catalogue.search(Search(text="oil"))
 
@@ -285,7 +283,7 @@ def test_several_processes_share_a_catalogue(tmp_path: Path, record: Record) -> 
     for k in range(5):
         record(f"run-{k}", k + 1)
     context = multiprocessing.get_context("spawn")
-    processes = [context.Process(target=hammer, args=(tmp_path, number)) for number in range(2)]
+    processes = [context.Process(target=use_catalogue, args=(tmp_path, number)) for number in range(2)]
     for process in processes:
         process.start()
     for process in processes:
@@ -293,11 +291,11 @@ def test_several_processes_share_a_catalogue(tmp_path: Path, record: Record) -> 
     assert [process.exitcode for process in processes] == [0, 0]
     catalogue = Catalogue(tmp_path)
     assert len(catalogue.runs()) == 5
-    assert [catalogue.load_cached("run-4", f"document-{number}") for number in range(2)] == [{"k": 4}] * 2
+    assert [catalogue.load_cached("run-4", f"result-{number}") for number in range(2)] == [{"k": 4}] * 2
     assert len(catalogue.search(Search(onset_below=math.inf))) == 5
 
 
-def test_a_database_that_cannot_be_reached_is_named_without_its_password(tmp_path: Path, record: Record) -> None:
+def test_unreachable_database_is_reported_without_its_password(tmp_path: Path, record: Record) -> None:
     record("run")
     catalogue = Catalogue(tmp_path, "postgresql+psycopg://rig:secret@127.0.0.1:1/none")
     with pytest.raises(

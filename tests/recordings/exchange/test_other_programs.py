@@ -1,4 +1,4 @@
-"""Other programs read a run without anything of ours: by the public libraries, in Foxglove and in rerun."""
+"""Other programs read a run without this project: public libraries, Foxglove and rerun."""
 
 import importlib.util
 import json
@@ -47,14 +47,14 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     return writer.path
 
 
-def test_the_documented_program_reads_speeds_and_micrometres_with_the_public_libraries_alone(
+def test_documented_example_reads_speeds_and_displacement(
     run: Path, tmp_path: Path, header: RunHeader, codes_of: CodesOf, make_snapshot: Callable[..., Snapshot]
 ) -> None:
     (program,) = re.findall(r"```python\n(.*?)```", (DOCS / "format.md").read_text(encoding="utf-8"), re.DOTALL)
     script = tmp_path / "elsewhere" / "read.py"
     script.parent.mkdir()
-    ours = "\nassert not {'analysis', 'daq', 'model', 'recordings', 'numpy'} & set(sys.modules)\n"
-    script.write_text(program + ours)
+    no_project_code = "\nassert not {'analysis', 'daq', 'model', 'recordings', 'numpy'} & set(sys.modules)\n"
+    script.write_text(program + no_project_code)
     done = subprocess.run(
         [sys.executable, "-I", str(script), str(run)], capture_output=True, text=True, check=False, cwd=script.parent
     )
@@ -75,7 +75,7 @@ NUMBERS = {FieldDescriptor.CPPTYPE_DOUBLE, FieldDescriptor.CPPTYPE_FLOAT}
 
 
 def panels(node: Any) -> Iterator[str]:
-    """Yield the names of the panels of a part of a layout."""
+    """Yield the panel names of a layout node."""
     if isinstance(node, str):
         yield node
     else:
@@ -84,13 +84,13 @@ def panels(node: Any) -> Iterator[str]:
 
 
 def field_of(path: str) -> FieldDescriptor:
-    """Return the field that a message path names."""
+    """Return the field of a message path."""
     topic, _, name = path.removesuffix("[:]").partition(".")
     field: FieldDescriptor = getattr(rig_pb2, TOPICS[topic]).DESCRIPTOR.fields_by_name[name]
     return field
 
 
-def test_the_layout_for_foxglove_plots_numbers_that_are_in_every_run() -> None:
+def test_foxglove_layout_plots_existing_fields() -> None:
     layout = json.loads((DOCS / "viewers" / "foxglove.json").read_text(encoding="utf-8"))
     configs = layout["configById"]
     assert sorted(panels(layout["layout"])) == sorted(configs)
@@ -111,7 +111,7 @@ def test_the_layout_for_foxglove_plots_numbers_that_are_in_every_run() -> None:
             assert field_of(path).is_repeated == path.endswith("[:]")
 
 
-def test_amplitudes_and_orbits_for_viewers_are_those_of_the_exact_fields(
+def test_rounded_fields_for_viewers_match_the_exact_fields(
     make_snapshot: Callable[..., Snapshot], header: RunHeader
 ) -> None:
     snapshot = make_snapshot(0, 2000)
@@ -124,8 +124,8 @@ def test_amplitudes_and_orbits_for_viewers_are_those_of_the_exact_fields(
 
 @contextmanager
 def rerun_viewer(program: Path, *files: Path) -> Iterator[Any]:
-    """Run rerun's viewer without a screen on files, as a person would give them to it."""
-    from rerun.experimental import ViewerClient  # noqa: PLC0415  # only where there is a viewer to be asked
+    """Run rerun's viewer without a screen on files."""
+    from rerun.experimental import ViewerClient  # noqa: PLC0415  # only with a viewer
 
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
@@ -140,7 +140,7 @@ def rerun_viewer(program: Path, *files: Path) -> Iterator[Any]:
 
 
 def wait_for(port: int) -> None:
-    """Wait until somebody listens."""
+    """Wait until the port accepts connections."""
     deadline = time.monotonic() + 60
     while True:
         try:
@@ -153,7 +153,7 @@ def wait_for(port: int) -> None:
 
 
 @pytest.mark.browser
-def test_rerun_plots_a_run_by_the_blueprint(run: Path, tmp_path: Path) -> None:
+def test_rerun_plots_a_run_with_the_blueprint(run: Path, tmp_path: Path) -> None:
     if not VULKAN.is_file():
         if os.environ.get("CI"):
             pytest.fail(f"{VULKAN} is missing: install mesa-vulkan-drivers")

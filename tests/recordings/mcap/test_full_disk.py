@@ -1,4 +1,4 @@
-"""On a disk that becomes full a run is finished with what it has, and the operator is told."""
+"""A run on a disk that becomes full is finished with its present content, and the error is reported."""
 
 import os
 import shutil
@@ -26,24 +26,24 @@ CodesOf = Callable[..., NDArray[np.int16]]
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Return a file system of 2 MB."""
-    place = tmp_path / "disk"
-    place.mkdir()
+    """Mount a file system of 2 MB and return its folder."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
     if sys.platform == "win32" or os.geteuid() != 0 or shutil.which("mount") is None:
         pytest.skip("mounting a small file system needs root on Linux")
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(place)], capture_output=True, text=True, check=False
+        ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)], capture_output=True, text=True, check=False
     )
     if mounted.returncode != 0:
         pytest.skip(f"a small file system cannot be mounted here: {mounted.stderr.strip()}")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
 
 
 def write_until_full(
     writer: RunWriter, header: RunHeader, make_block: MakeBlock, make_snapshot: Callable[..., Snapshot], first: int = 0
 ) -> tuple[int, str]:
-    """Return the samples handed over and what the writer said in the end."""
+    """Write blocks until the disk is full; return the number of samples given to the writer, and its error."""
     while True:
         try:
             writer.write_block(make_block(0, first, 2000))
@@ -54,7 +54,7 @@ def write_until_full(
             writer.add_result(result)
 
 
-def test_a_run_on_a_full_disk_is_finished(
+def test_run_on_a_full_disk_is_finished(
     small_disk: Path,
     header: RunHeader,
     make_block: MakeBlock,
@@ -63,14 +63,14 @@ def test_a_run_on_a_full_disk_is_finished(
 ) -> None:
     path = small_disk / "run.mcap"
     writer = RunWriter(path, header)
-    handed_over, told = write_until_full(writer, header, make_block, make_snapshot)
-    assert told == f"{path}: cannot be written: No space left on device"
+    n_given, message = write_until_full(writer, header, make_block, make_snapshot)
+    assert message == f"{path}: cannot be written: No space left on device"
     assert verify(path).verdict is Verdict.SOUND
     with RunReader(path) as reader:
         assert reader.is_complete
         (end,) = reader.segment_ends
-        assert (end.reason, end.detail, end.lost_is_exact) == (EndReason.RECORDER, told, False)
-        assert end.samples + end.lost == handed_over
+        assert (end.reason, end.detail, end.lost_is_exact) == (EndReason.RECORDER, message, False)
+        assert end.samples + end.lost == n_given
         assert end.lost <= 0.25 * header.acquisition.rate
         assert not reader.is_gap_free
         assert reader.skipped_samples == end.samples
@@ -78,14 +78,14 @@ def test_a_run_on_a_full_disk_is_finished(
     assert path.stat().st_size > 1_500_000
 
 
-def test_a_disk_that_is_full_from_the_start_is_told_and_leaves_no_file(small_disk: Path, header: RunHeader) -> None:
+def test_disk_full_from_the_start_is_an_error_and_leaves_no_file(small_disk: Path, header: RunHeader) -> None:
     (small_disk / "ballast").write_bytes(bytes(shutil.disk_usage(small_disk).free))
     with pytest.raises(StorageError, match=r"run\.mcap: cannot be written: No space left on device"):
         RunWriter(small_disk / "run.mcap", header)
     assert not (small_disk / "run.mcap").exists()
 
 
-def test_a_disk_that_fills_while_it_is_used_by_others_too_still_lets_the_run_be_finished(
+def test_run_is_finished_though_other_processes_fill_the_disk(
     small_disk: Path,
     header: RunHeader,
     make_block: MakeBlock,
@@ -98,8 +98,8 @@ def test_a_disk_that_fills_while_it_is_used_by_others_too_still_lets_the_run_be_
         writer.write_block(make_block(0, first, 2000))
         first += 2000
     (small_disk / "ballast").write_bytes(bytes(shutil.disk_usage(small_disk).free))
-    _, told = write_until_full(writer, header, make_block, make_snapshot, first)
-    assert "No space left on device" in told
+    _, message = write_until_full(writer, header, make_block, make_snapshot, first)
+    assert "No space left on device" in message
     assert verify(writer.path).verdict is Verdict.SOUND
     with RunReader(writer.path) as reader:
         assert reader.is_complete

@@ -1,4 +1,4 @@
-"""A header survives its way through JSON, and a wrong document is named."""
+"""Headers survive a round trip through JSON; invalid JSON is reported with its key."""
 
 import json
 import math
@@ -13,12 +13,12 @@ from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, header_to_json
 
 
-def test_header_comes_back_from_json_bit_for_bit(header: RunHeader) -> None:
+def test_header_survives_a_json_round_trip_bit_for_bit(header: RunHeader) -> None:
     text = json.dumps(header_to_json(header), allow_nan=False)
     assert header_from_json(json.loads(text)) == header
 
 
-def test_header_of_an_older_file_names_neither_target_nor_operator(header: RunHeader) -> None:
+def test_header_of_an_older_file_has_no_target_and_operator(header: RunHeader) -> None:
     document = header_to_json(header)
     calibration = document["acquisition"]["channels"][0]["calibration"]
     assert calibration.pop("target") == "42CrMo4, diameter 10 mm"
@@ -28,12 +28,12 @@ def test_header_of_an_older_file_names_neither_target_nor_operator(header: RunHe
     assert (old.target, old.operator) == ("", "")
 
 
-def test_open_gap_windows_come_back_as_infinite(header: RunHeader) -> None:
+def test_open_gap_windows_are_read_as_infinite(header: RunHeader) -> None:
     tacho = header_from_json(header_to_json(header)).acquisition.channels[2]
     assert (tacho.gap_low, tacho.gap_high) == (-math.inf, math.inf)
 
 
-def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) -> None:
+def test_numeric_keys_have_a_unit_suffix(header: RunHeader) -> None:
     document = header_to_json(header)
     units = ("_s", "_m", "_v", "_hz", "_rad", "_ns", "_rad_per_s", "_to_k")
     fractions = {"mark_fraction", "hysteresis_fraction"}
@@ -66,7 +66,9 @@ def test_numbers_in_the_document_have_their_unit_in_the_name(header: RunHeader) 
         (("limits", "clearance_m"), True, r"header\.limits\.clearance_m: True, expected a number"),
     ],
 )
-def test_a_wrong_value_is_named(header: RunHeader, path: tuple[str | int, ...], value: object, message: str) -> None:
+def test_invalid_value_is_reported_with_its_key(
+    header: RunHeader, path: tuple[str | int, ...], value: object, message: str
+) -> None:
     document = deepcopy(header_to_json(header))
     part: Any = document
     for key in path[:-1]:
@@ -76,35 +78,35 @@ def test_a_wrong_value_is_named(header: RunHeader, path: tuple[str | int, ...], 
         header_from_json(document)
 
 
-def test_a_missing_value_is_named(header: RunHeader) -> None:
+def test_missing_key_is_reported(header: RunHeader) -> None:
     document = header_to_json(header)
     del document["acquisition"]["tacho"]["edge"]
     with pytest.raises(DamagedError, match=r"header\.acquisition\.tacho: edge is missing"):
         header_from_json(document)
 
 
-def test_a_header_with_another_note_is_another_header(header: RunHeader) -> None:
+def test_headers_with_different_notes_are_unequal(header: RunHeader) -> None:
     other = replace(header, note="warm")
     assert header_from_json(header_to_json(other)) == other != header
 
 
-def test_run_out_that_was_known_before_comes_back_bit_for_bit(header: RunHeader) -> None:
+def test_run_out_survives_a_round_trip_bit_for_bit(header: RunHeader) -> None:
     vectors = ((1, 1e-6 / 3 + 1e-7j, -1e-6j / 7), (3, 1e-7 + 0j, complex(-0.0, 1e-8 / 3)))
     runout = RunOutSettings(60.0, vectors, (1e-8 / 3, 0.0), "run 2026-11-20T08-00-00-gj90c", from_orbit=True)
-    told = replace(header, settings=replace(header.settings, runout=runout))
-    assert header_from_json(json.loads(json.dumps(header_to_json(told)))) == told
+    original = replace(header, settings=replace(header.settings, runout=runout))
+    assert header_from_json(json.loads(json.dumps(header_to_json(original)))) == original
 
 
-def test_limits_that_are_watched_come_back_bit_for_bit_and_the_others_are_not_written(header: RunHeader) -> None:
+def test_monitored_limits_survive_a_round_trip_and_others_are_not_written(header: RunHeader) -> None:
     limits = replace(header.limits, order_1x_alarm=1e-4 / 3, below_1x_danger=2e-5 / 7, speed_danger=6283.185307179586)
-    told = replace(header, limits=limits)
-    document = json.loads(json.dumps(header_to_json(told)))
-    assert header_from_json(document) == told
+    original = replace(header, limits=limits)
+    document = json.loads(json.dumps(header_to_json(original)))
+    assert header_from_json(document) == original
     assert "order_1x_peak_danger_m" not in document["limits"]
     assert document["limits"]["speed_danger_rad_per_s"] == 6283.185307179586
 
 
-def test_header_of_before_there_was_run_out_has_none_and_alarms_by_default(header: RunHeader) -> None:
+def test_header_of_an_older_file_has_no_run_out_and_default_alarms(header: RunHeader) -> None:
     document = header_to_json(replace(header, limits=replace(header.limits, hold=3.0)))
     del document["analysis"]["runout"]
     for key in ("hysteresis_fraction", "hold_s", "latch"):

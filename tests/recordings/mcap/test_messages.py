@@ -1,4 +1,4 @@
-"""The compiled messages are those of rig.proto, and blocks and ends survive them."""
+"""The compiled messages match rig.proto; blocks and segment ends survive a round trip."""
 
 import importlib.util
 import subprocess
@@ -21,33 +21,41 @@ from recordings.mcap.messages import (
 )
 from recordings.mcap.schema import rig_pb2
 
-ROOM = Path(rig_pb2.__file__).parent
+SCHEMA_FOLDER = Path(rig_pb2.__file__).parent
 
 
-def test_compiling_the_proto_again_gives_the_committed_descriptor(tmp_path: Path) -> None:
+def test_committed_descriptor_matches_the_proto_file(tmp_path: Path) -> None:
     assert importlib.util.find_spec("grpc_tools") is not None
     out = tmp_path / "rig.descriptor"
     subprocess.run(
-        [sys.executable, "-m", "grpc_tools.protoc", "-I", str(ROOM), f"--descriptor_set_out={out}", "rig.proto"],
+        [
+            sys.executable,
+            "-m",
+            "grpc_tools.protoc",
+            "-I",
+            str(SCHEMA_FOLDER),
+            f"--descriptor_set_out={out}",
+            "rig.proto",
+        ],
         check=True,
         timeout=60,
     )
     compiled = FileDescriptorSet.FromString(out.read_bytes()).file[0]
     committed = FileDescriptorProto()
     rig_pb2.DESCRIPTOR.CopyToProto(committed)
-    for file in (compiled, committed):  # the compiler says the names that JSON would use, the runtime does not
+    for file in (compiled, committed):  # only the compiler sets the JSON names
         for message in file.message_type:
             for field in message.field:
                 field.ClearField("json_name")
     assert committed == compiled
 
 
-def test_definitions_hold_every_message() -> None:
+def test_definitions_have_every_message() -> None:
     (file,) = FileDescriptorSet.FromString(message_definitions()).file
     assert {"SampleBlock", "SegmentEnd", "Features", "OrderFrame"} <= {message.name for message in file.message_type}
 
 
-def test_a_block_comes_back(make_block: Callable[..., SampleBlock]) -> None:
+def test_block_survives_a_round_trip(make_block: Callable[..., SampleBlock]) -> None:
     block = make_block(3, 123_456_789_012, 777)
     back = decode_block(encode_block(block))
     np.testing.assert_array_equal(back.codes, block.codes)
@@ -57,17 +65,17 @@ def test_a_block_comes_back(make_block: Callable[..., SampleBlock]) -> None:
 
 
 @pytest.mark.parametrize("reason", list(EndReason))
-def test_a_segment_end_comes_back(reason: EndReason) -> None:
+def test_segment_end_survives_a_round_trip(reason: EndReason) -> None:
     end = SegmentEnd(2, 1 << 40, reason, lost=17, lost_is_exact=False, detail="−200279 “overrun”")
     assert decode_segment_end(encode_segment_end(end)) == end
 
 
 @pytest.mark.parametrize("decode", [decode_block, decode_segment_end, block_span])
-def test_bytes_that_are_no_message_are_refused(decode: Callable[[bytes], object]) -> None:
+def test_bytes_that_are_no_message_are_an_error(decode: Callable[[bytes], object]) -> None:
     with pytest.raises(ValueError, match="not a "):
         decode(b"\xff\xff\xff")
 
 
-def test_a_reason_that_is_not_known_is_refused() -> None:
+def test_unknown_reason_is_an_error() -> None:
     with pytest.raises(ValueError, match="'bored' is not a valid EndReason"):
         decode_segment_end(rig_pb2.SegmentEnd(reason="bored").SerializeToString())

@@ -38,7 +38,7 @@ def header() -> RunHeader:
     )
     acquisition = Acquisition(Device("simulated", "", "", "", simulated=True), RATE, 1e5, channels, Tacho(2.5, 1.0))
     limits = Limits(80e-6, 95e-6, 100e-6, 2000 * math.pi / 3)
-    return RunHeader("run", "rig", 10**18, acquisition, AnalysisSettings(), limits, "", "rig", "a word")
+    return RunHeader("run", "rig", 10**18, acquisition, AnalysisSettings(), limits, "", "rig", "a note")
 
 
 def codes(first: int, n: int = BLOCK) -> np.ndarray[tuple[int, int], np.dtype[np.int16]]:
@@ -46,7 +46,7 @@ def codes(first: int, n: int = BLOCK) -> np.ndarray[tuple[int, int], np.dtype[np
 
 
 def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int = 12) -> PartWriter:
-    """Write a run of numbered samples, with an overrun of 50 after the seventh block and a mark in the ninth."""
+    """Write a run of numbered samples, with 50 samples lost after the seventh block and a marker in the ninth."""
     writer = PartWriter(folder / "run.mcap", header, limits)
     segment = first = 0
     for k in range(blocks):
@@ -62,23 +62,23 @@ def written(folder: Path, header: RunHeader, limits: PartLimits, *, blocks: int 
     return writer
 
 
-def test_parts_hold_every_sample_of_the_run_once(tmp_path: Path, header: RunHeader) -> None:
+def test_parts_have_every_sample_of_the_run_once(tmp_path: Path, header: RunHeader) -> None:
     writer = written(tmp_path, header, PartLimits(samples=300))
     assert writer.files == 4
     runs = sorted(Catalogue(tmp_path).runs(), key=lambda entry: entry.started_ns)
     assert [entry.id for entry in runs] == ["run", "run-part2", "run-part3", "run-part4"]
-    got = []
+    read = []
     for entry in runs:
         assert not [finding for finding in verify(entry.path).findings if finding.is_fault]
         with RunReader(entry.path) as reader:
             assert reader.is_complete
             assert reader.header.run == entry.id
             assert reader.skipped_samples == reader.n_samples == 300
-            got += [item.codes for item in reader.items() if isinstance(item, SampleBlock)]
-    np.testing.assert_array_equal(np.concatenate(got, axis=1), codes(0, 12 * BLOCK))
+            read += [item.codes for item in reader.items() if isinstance(item, SampleBlock)]
+    np.testing.assert_array_equal(np.concatenate(read, axis=1), codes(0, 12 * BLOCK))
 
 
-def test_parts_say_where_they_go_on_and_when_they_began(tmp_path: Path, header: RunHeader) -> None:
+def test_parts_name_the_next_part_and_have_their_own_start(tmp_path: Path, header: RunHeader) -> None:
     written(tmp_path, header, PartLimits(samples=300))
     readers = [RunReader(tmp_path / f"{name}.mcap") for name in ("run", "run-part2", "run-part3", "run-part4")]
     ends = [reader.segment_ends for reader in readers]
@@ -90,18 +90,18 @@ def test_parts_say_where_they_go_on_and_when_they_began(tmp_path: Path, header: 
         SegmentEnd(1, 200, EndReason.FINISHED, detail="continues in run-part4 with the next sample"),
     )
     assert ends[3] == (SegmentEnd(0, 300, EndReason.STOPPED),)
-    assert [reader.header.note for reader in readers[:2]] == ["a word", "a word (part 2 of run)"]
+    assert [reader.header.note for reader in readers[:2]] == ["a note", "a note (part 2 of run)"]
     starts = [(reader.header.started_ns - header.started_ns) / NS for reader in readers]
     assert starts == [0.0, 0.3, 0.6, 0.95]
 
 
-def test_mark_lies_in_its_part(tmp_path: Path, header: RunHeader) -> None:
+def test_marker_is_written_to_the_part_of_its_time(tmp_path: Path, header: RunHeader) -> None:
     written(tmp_path, header, PartLimits(samples=300))
     with RunReader(tmp_path / "run-part3.mcap") as reader:
         assert reader.markers() == (Marker(1, 200, "here", 5),)
 
 
-def test_part_that_is_full_at_the_end_of_a_segment_ends_with_it(tmp_path: Path, header: RunHeader) -> None:
+def test_part_full_at_a_segment_end_ends_with_the_segment(tmp_path: Path, header: RunHeader) -> None:
     written(tmp_path, header, PartLimits(samples=700))
     with RunReader(tmp_path / "run.mcap") as first, RunReader(tmp_path / "run-part2.mcap") as second:
         assert first.segment_ends == (SegmentEnd(0, 700, EndReason.OVERRUN, 50),)
@@ -110,64 +110,64 @@ def test_part_that_is_full_at_the_end_of_a_segment_ends_with_it(tmp_path: Path, 
 
 
 @contextmanager
-def closing_writer(folder: Path, header: RunHeader) -> Iterator[RunWriter]:
-    """A recording in which nothing but its beginning is written."""
+def empty_run(folder: Path, header: RunHeader) -> Iterator[RunWriter]:
+    """Yield the writer of a run without samples."""
     writer = RunWriter(folder / "empty.mcap", header)
     yield writer
     writer.close()
 
 
-def test_size_limits_a_part_too(tmp_path: Path, header: RunHeader) -> None:
-    with closing_writer(tmp_path, header) as empty:
-        begun = empty.size
-    writer = written(tmp_path, header, PartLimits(size=begun + 500), blocks=120)
+def test_part_ends_at_its_size_limit(tmp_path: Path, header: RunHeader) -> None:
+    with empty_run(tmp_path, header) as empty:
+        size = empty.size
+    writer = written(tmp_path, header, PartLimits(size=size + 500), blocks=120)
     assert 1 < writer.files < 120
 
 
-def test_run_without_limits_is_one_file_as_ever(tmp_path: Path, header: RunHeader) -> None:
+def test_run_without_limits_is_one_file(tmp_path: Path, header: RunHeader) -> None:
     assert written(tmp_path, header, PartLimits()).files == 1
     with RunReader(tmp_path / "run.mcap") as reader:
         assert reader.skipped_samples == 0
         assert reader.markers() == (Marker(1, 200, "here", 5),)
 
 
-def event(
+def write_event(
     writer: PartWriter, segment: int, blocks: int, *, reason: EndReason = EndReason.FINISHED, first: int = 0
 ) -> None:
-    """Write an event of numbered samples, the first of which has this number."""
+    """Write an event of samples numbered from `first` on."""
     for k in range(blocks):
         writer.write_block(SampleBlock(codes(first + k * BLOCK), segment, k * BLOCK, 0))
     writer.write_segment_end(SegmentEnd(segment, blocks * BLOCK, reason))
 
 
-def test_each_event_is_a_file_of_its_own_that_is_whole_before_the_next(tmp_path: Path, header: RunHeader) -> None:
+def test_each_event_is_a_file_finished_before_the_next(tmp_path: Path, header: RunHeader) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
     writer.skip_samples(250)
-    event(writer, 0, 3)
+    write_event(writer, 0, 3)
     with RunReader(tmp_path / "run.mcap") as reader:
         assert reader.is_complete
         assert reader.skipped_samples == reader.n_samples == 300
     assert not (tmp_path / "run-event2.mcap").exists()
     writer.skip_samples(1234)
-    event(writer, 1, 2, first=5000, reason=EndReason.STOPPED)
+    write_event(writer, 1, 2, first=5000, reason=EndReason.STOPPED)
     writer.close()
     assert [*file_ids(tmp_path / "run.mcap")] == ["run", "run-event2"]
     assert writer.files == 2
     with RunReader(tmp_path / "run-event2.mcap") as reader:
         assert reader.segment_ends == (SegmentEnd(0, 200, EndReason.STOPPED),)
         assert reader.header.started_ns - header.started_ns == (250 + 300 + 1234) * NS // 1000
-        assert reader.header.note == "a word (event 2 of run)"
-        (got, other, _end) = reader.items()
-        assert isinstance(got, SampleBlock)
-        assert isinstance(other, SampleBlock)
-        np.testing.assert_array_equal(np.hstack([got.codes, other.codes]), codes(5000, 200))
+        assert reader.header.note == "a note (event 2 of run)"
+        (first, second, _end) = reader.items()
+        assert isinstance(first, SampleBlock)
+        assert isinstance(second, SampleBlock)
+        np.testing.assert_array_equal(np.hstack([first.codes, second.codes]), codes(5000, 200))
         assert not [finding for finding in verify(reader.path).findings if finding.is_fault]
 
 
-def test_long_event_goes_on_in_parts_of_its_own(tmp_path: Path, header: RunHeader) -> None:
+def test_long_event_is_divided_into_parts(tmp_path: Path, header: RunHeader) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(samples=200, is_rearmed=True))
-    event(writer, 0, 3)
-    event(writer, 1, 5)
+    write_event(writer, 0, 3)
+    write_event(writer, 1, 5)
     writer.close()
     names = ["run", "run-part2", "run-event2", "run-event2-part2", "run-event2-part3"]
     assert [*file_ids(tmp_path / "run.mcap")] == names
@@ -179,11 +179,11 @@ def test_long_event_goes_on_in_parts_of_its_own(tmp_path: Path, header: RunHeade
     assert lengths == [200, 100, 200, 200, 100]
 
 
-def test_loss_between_two_events_is_told_in_the_next(tmp_path: Path, header: RunHeader) -> None:
+def test_loss_between_two_events_is_recorded_in_the_next(tmp_path: Path, header: RunHeader) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
-    event(writer, 0, 1)
+    write_event(writer, 0, 1)
     writer.write_segment_end(SegmentEnd(1, 0, EndReason.OVERRUN, 70))
-    event(writer, 2, 1)
+    write_event(writer, 2, 1)
     writer.close()
     with RunReader(tmp_path / "run-event2.mcap") as reader:
         assert reader.segment_ends == (
@@ -193,17 +193,17 @@ def test_loss_between_two_events_is_told_in_the_next(tmp_path: Path, header: Run
         assert not reader.is_gap_free
 
 
-@pytest.mark.parametrize("comes", [True, False])
-def test_mark_between_two_events_lies_at_the_beginning_of_the_next(
-    tmp_path: Path, header: RunHeader, *, comes: bool
+@pytest.mark.parametrize("has_next", [True, False])
+def test_marker_between_two_events_is_at_the_beginning_of_the_next(
+    tmp_path: Path, header: RunHeader, *, has_next: bool
 ) -> None:
     writer = PartWriter(tmp_path / "run.mcap", header, PartLimits(is_rearmed=True))
-    event(writer, 0, 1)
+    write_event(writer, 0, 1)
     writer.add_result(encode_marker(Marker(1, 0, "between", 5), header))
-    if comes:
-        event(writer, 1, 1)
+    if has_next:
+        write_event(writer, 1, 1)
     writer.close()
     with RunReader(tmp_path / "run-event2.mcap") as reader:
         assert reader.is_complete
-        assert reader.n_samples == (100 if comes else 0)
+        assert reader.n_samples == (100 if has_next else 0)
         assert reader.markers() == (Marker(0, 0, "between", 5),)

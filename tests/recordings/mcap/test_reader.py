@@ -1,4 +1,4 @@
-"""A finished run is read back bit for bit, by us and by any other MCAP reader."""
+"""A finished run is read bit for bit, by RunReader and by any other MCAP reader."""
 
 import struct
 from collections.abc import Callable
@@ -39,7 +39,7 @@ BLOCK = 1_500
 
 @pytest.fixture
 def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot) -> Path:
-    """Return the file of a run of three segments, the second without samples, with results."""
+    """Return a run of three segments with results, the second without samples."""
     writer = RunWriter(tmp_path / "run.mcap", header)
     for end in ENDS:
         for first in range(0, end.samples, BLOCK):
@@ -52,7 +52,7 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
     return writer.path
 
 
-def test_header_and_verdict_come_back(run: Path, header: RunHeader) -> None:
+def test_reader_has_header_and_completeness(run: Path, header: RunHeader) -> None:
     with RunReader(run) as reader:
         assert reader.header == header
         assert reader.segment_ends == ENDS
@@ -63,7 +63,7 @@ def test_header_and_verdict_come_back(run: Path, header: RunHeader) -> None:
         assert reader.skipped_samples == 4321
 
 
-def test_items_come_back_as_they_were_written(run: Path, make_block: MakeBlock) -> None:
+def test_items_are_read_as_written(run: Path, make_block: MakeBlock) -> None:
     with RunReader(run) as reader:
         items = list(reader.items())
     expected: list[Any] = []
@@ -71,21 +71,21 @@ def test_items_come_back_as_they_were_written(run: Path, make_block: MakeBlock) 
         expected += [make_block(end.segment, k, min(BLOCK, end.samples - k)) for k in range(0, end.samples, BLOCK)]
         expected.append(end)
     assert len(items) == len(expected)
-    for item, wanted in zip(items, expected, strict=True):
+    for item, original in zip(items, expected, strict=True):
         if isinstance(item, SampleBlock):
-            np.testing.assert_array_equal(item.codes, wanted.codes)
+            np.testing.assert_array_equal(item.codes, original.codes)
             assert item.codes.flags.c_contiguous
-            assert (item.segment, item.first_sample) == (wanted.segment, wanted.first_sample)
-            assert (item.host_time_ns, item.backlog) == (wanted.host_time_ns, wanted.backlog)
+            assert (item.segment, item.first_sample) == (original.segment, original.first_sample)
+            assert (item.host_time_ns, item.backlog) == (original.host_time_ns, original.backlog)
         else:
-            assert item == wanted
+            assert item == original
 
 
 @pytest.mark.parametrize(
     ("segment", "first", "stop"),
     [(0, 0, 30_000), (0, 0, 1), (0, 29_999, 30_000), (0, 1_499, 1_501), (2, 7, 50_001), (2, 33_333, 33_333), (1, 0, 0)],
 )
-def test_any_stretch_of_samples_can_be_read(run: Path, codes_of: CodesOf, segment: int, first: int, stop: int) -> None:
+def test_samples_of_any_interval_are_read(run: Path, codes_of: CodesOf, segment: int, first: int, stop: int) -> None:
     with RunReader(run) as reader:
         codes = reader.samples(segment, first, stop)
     assert codes.dtype == np.int16
@@ -93,17 +93,17 @@ def test_any_stretch_of_samples_can_be_read(run: Path, codes_of: CodesOf, segmen
 
 
 @pytest.mark.parametrize(("segment", "first", "stop"), [(0, -1, 5), (0, 5, 4), (0, 0, 30_001), (1, 0, 1)])
-def test_a_stretch_that_is_not_there_is_refused(run: Path, segment: int, first: int, stop: int) -> None:
+def test_samples_outside_a_segment_are_an_error(run: Path, segment: int, first: int, stop: int) -> None:
     with RunReader(run) as reader, pytest.raises(ValueError, match=f"samples: {first} to {stop}, expected within 0 to"):
         reader.samples(segment, first, stop)
 
 
-def test_a_segment_that_is_not_there_is_refused(run: Path) -> None:
+def test_unknown_segment_is_an_error(run: Path) -> None:
     with RunReader(run) as reader, pytest.raises(ValueError, match=r"segment: 3, expected one of \[0, 1, 2\]"):
         reader.samples(3, 0, 1)
 
 
-def test_snapshots_come_back_bit_for_bit(run: Path, header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+def test_snapshots_are_read_bit_for_bit(run: Path, header: RunHeader, make_snapshot: MakeSnapshot) -> None:
     with RunReader(run) as reader:
         snapshots = list(reader.snapshots())
     expected = [
@@ -120,7 +120,9 @@ def test_results_are_read_without_the_samples(run: Path) -> None:
         assert not [chunk for chunk in chunks if chunk.channels and {1, 3} <= chunk.channels]
 
 
-def test_any_mcap_reader_decodes_the_file_by_its_definitions(run: Path, header: RunHeader, codes_of: CodesOf) -> None:
+def test_mcap_library_decodes_the_file_with_its_own_definitions(
+    run: Path, header: RunHeader, codes_of: CodesOf
+) -> None:
     classes: dict[int, Any] = {}
     seen: dict[str, list[Any]] = {}
     with run.open("rb") as file:
@@ -141,7 +143,7 @@ def test_any_mcap_reader_decodes_the_file_by_its_definitions(run: Path, header: 
     assert set(seen) == {"/samples", "/segment_end", "/features", "/order_frame"}
     assert sum(block.samples for block in seen["/samples"]) == 80_001
     last = seen["/samples"][-1]
-    np.testing.assert_array_equal(plainly_unpacked(last), codes_of(2, last.first_sample, 50_001))
+    np.testing.assert_array_equal(unpacked_one_by_one(last), codes_of(2, last.first_sample, 50_001))
     assert seen["/features"][-1].speed_rpm == pytest.approx(1684.1, abs=0.1)
     assert {"rig.run", "rig.calibration", "rig.end"} == set(metadata)
     assert set(metadata["rig.calibration"]) == {"x", "y"}
@@ -150,8 +152,8 @@ def test_any_mcap_reader_decodes_the_file_by_its_definitions(run: Path, header: 
     assert summary.statistics.message_count == sum(len(messages) for messages in seen.values())
 
 
-def plainly_unpacked(message: Any) -> NDArray[np.int16]:
-    """Unpack a block's codes one by one, as docs/format.md says, with nothing of ours."""
+def unpacked_one_by_one(message: Any) -> NDArray[np.int16]:
+    """Unpack a block's codes one by one as docs/format.md describes, without the project's code."""
     n = message.channels * message.samples
     values: list[int] = []
     for k in range(n):
@@ -163,10 +165,10 @@ def plainly_unpacked(message: Any) -> NDArray[np.int16]:
 
 
 @pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.NONE])
-def test_a_run_that_another_tool_wrote_anew_reads_the_same(
+def test_run_rewritten_by_another_tool_reads_the_same(
     run: Path, tmp_path: Path, codes_of: CodesOf, compression: CompressionType
 ) -> None:
-    other = tmp_path / "anew.mcap"
+    other = tmp_path / "rewritten.mcap"
     with run.open("rb") as old, other.open("wb") as new:
         reader = make_reader(old)
         summary = reader.get_summary()
@@ -190,33 +192,33 @@ def test_a_run_that_another_tool_wrote_anew_reads_the_same(
         np.testing.assert_array_equal(after.samples(2, 777, 44_444), codes_of(2, 777, 44_444))
 
 
-def test_a_damaged_end_record_leaves_the_samples_readable(run: Path) -> None:
+def test_samples_are_readable_without_an_intact_end_record(run: Path) -> None:
     data = run.read_bytes()
-    place = data.rindex(b'"skipped_samples": 4321')
-    run.write_bytes(data[:place] + b'"skipped_samples": 4322' + data[place + 23 :])
+    position = data.rindex(b'"skipped_samples": 4321')
+    run.write_bytes(data[:position] + b'"skipped_samples": 4322' + data[position + 23 :])
     with RunReader(run) as reader:
         assert not reader.is_complete
         assert reader.segment_ends == ENDS
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_missing_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(NotFoundError, match=r"gone\.mcap: there is no such file"):
         RunReader(tmp_path / "gone.mcap")
 
 
-def test_an_empty_file_is_named(tmp_path: Path) -> None:
+def test_empty_file_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"")
     with pytest.raises(DamagedError, match=r"run\.mcap: is empty"):
         RunReader(tmp_path / "run.mcap")
 
 
-def test_a_folder_is_no_run(tmp_path: Path) -> None:
+def test_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="cannot be read"):
         RunReader(tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"x", b"TDSm" * 100, b"\x89MCAP1\r\n" * 20])
-def test_a_file_that_is_not_mcap_is_named(tmp_path: Path, content: bytes) -> None:
+def test_file_that_is_not_mcap_is_an_error(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "run.mcap").write_bytes(content)
     with pytest.raises(DamagedError, match=r"run\.mcap: is not an MCAP file"):
         RunReader(tmp_path / "run.mcap")
@@ -234,26 +236,26 @@ def write_foreign(path: Path, entries: dict[str, str] | None) -> None:
         writer.finish()
 
 
-def test_an_mcap_file_of_another_program_is_no_run(tmp_path: Path) -> None:
+def test_mcap_file_of_another_program_is_an_error(tmp_path: Path) -> None:
     write_foreign(tmp_path / "run.mcap", None)
     with pytest.raises(UnknownFormatError, match=r"run\.mcap: an MCAP file, but no run"):
         RunReader(tmp_path / "run.mcap")
 
 
 @pytest.mark.parametrize("version", ["2", "0", "one"])
-def test_an_unknown_format_version_is_named_with_the_known_one(tmp_path: Path, version: str) -> None:
+def test_unknown_format_version_is_an_error(tmp_path: Path, version: str) -> None:
     write_foreign(tmp_path / "run.mcap", encode_metadata({}) | {"format": version})
     with pytest.raises(UnknownFormatError, match=f"run format version '{version}', expected 1"):
         RunReader(tmp_path / "run.mcap")
 
 
-def test_a_header_that_lacks_a_value_is_named_with_the_file(tmp_path: Path) -> None:
+def test_incomplete_header_is_reported_with_the_file(tmp_path: Path) -> None:
     write_foreign(tmp_path / "run.mcap", encode_metadata({"run": "a"}))
     with pytest.raises(DamagedError, match=r"run\.mcap: header: analysis is missing"):
         RunReader(tmp_path / "run.mcap")
 
 
-def test_the_reader_keeps_no_file_open_after_closing(run: Path) -> None:
+def test_closed_reader_has_no_open_file(run: Path) -> None:
     def is_open() -> bool:
         return str(run.resolve()) in {file.path for file in psutil.Process().open_files()}
 
@@ -264,7 +266,7 @@ def test_the_reader_keeps_no_file_open_after_closing(run: Path) -> None:
     assert not is_open()
 
 
-def test_blocks_with_another_number_of_channels_than_the_header_are_left_out(run: Path, header: RunHeader) -> None:
+def test_blocks_with_a_wrong_number_of_channels_are_left_out(run: Path, header: RunHeader) -> None:
     with RunReader(run) as reader:
         reader.header = replace(
             header, acquisition=replace(header.acquisition, channels=header.acquisition.channels[:2])

@@ -1,4 +1,4 @@
-"""Snapshots survive their way through the messages to the last bit."""
+"""Snapshots survive a round trip through their messages bit for bit."""
 
 import math
 from collections.abc import Callable
@@ -15,7 +15,7 @@ MakeSnapshot = Callable[..., Snapshot]
 
 
 def bits(value: object) -> object:
-    """Return a value in a form in which == means equal bits, all but the trace."""
+    """Return a value in a form in which == compares bits; the trace is left out."""
     if isinstance(value, np.ndarray):
         return (value.dtype.str, value.shape, value.tobytes())
     if isinstance(value, float):
@@ -40,7 +40,7 @@ def decode() -> Callable[[Snapshot, RunHeader], Snapshot]:
 
 
 @pytest.mark.parametrize(("with_frame", "with_whirl"), [(True, True), (True, False), (False, False)])
-def test_snapshot_comes_back_bit_for_bit(
+def test_snapshot_survives_a_round_trip_bit_for_bit(
     header: RunHeader,
     make_snapshot: MakeSnapshot,
     decode: Callable[[Snapshot, RunHeader], Snapshot],
@@ -52,14 +52,14 @@ def test_snapshot_comes_back_bit_for_bit(
     assert bits(decode(snapshot, header)) == bits(snapshot)
 
 
-def test_the_trace_is_left_out(
+def test_trace_is_not_encoded(
     header: RunHeader, make_snapshot: MakeSnapshot, decode: Callable[[Snapshot, RunHeader], Snapshot]
 ) -> None:
     trace = decode(make_snapshot(0, 2000), header).trace
     assert (trace.time.size, trace.displacement.shape, trace.tacho.size) == (0, (2, 0), 0)
 
 
-def test_features_hold_what_an_operator_reads(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+def test_features_are_in_display_units(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
     snapshot = make_snapshot(0, 2000)
     features = rig_pb2.Features.FromString(encode_snapshot(snapshot, header)[-1].data)
     assert snapshot.frame is not None
@@ -79,14 +79,14 @@ def test_features_hold_what_an_operator_reads(header: RunHeader, make_snapshot: 
     assert features.x_1x_lag_sigma_deg == pytest.approx(np.degrees(snapshot.frame.phase_sigma[0, 0]))
 
 
-def test_features_without_a_frame_lack_the_orders(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+def test_features_without_an_order_frame_have_no_orders(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
     (result,) = encode_snapshot(make_snapshot(0, 2000, with_frame=False), header)
     features = rig_pb2.Features.FromString(result.data)
     assert not features.HasField("x_1x_um")
     assert math.isnan(features.speed_rpm)
 
 
-def test_features_whose_frame_is_missing_are_refused(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+def test_features_with_a_missing_order_frame_are_an_error(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
     features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000), header)[-1].data)
     with pytest.raises(ValueError, match="sample 2000: the order frame is missing"):
         decode_snapshot(features, None)

@@ -1,4 +1,4 @@
-"""Files of every format version, kept as they were written then, stay readable."""
+"""Files of every format version, as written by earlier programs, stay readable."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -14,15 +14,15 @@ from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
 
 FILES = Path(__file__).parent / "files"
-KEPT = sorted(FILES.glob("version-*.mcap"))
+OLD_FILES = sorted(FILES.glob("version-*.mcap"))
 
 
-def test_a_file_of_every_version_is_kept() -> None:
-    assert "version-1-first.mcap" in [path.name for path in KEPT]
+def test_there_is_a_file_of_every_version() -> None:
+    assert "version-1-first.mcap" in [path.name for path in OLD_FILES]
 
 
 def assert_same(read: RunHeader, header: RunHeader) -> None:
-    """Check all that the first files knew; what headers tell since then has its default."""
+    """Check the header fields of the first files; later fields have their defaults."""
     now, then = header.acquisition, read.acquisition
     assert (read.run, read.rig, read.note, read.started_ns) == (header.run, header.rig, header.note, header.started_ns)
     assert (read.limits, read.settings, read.config_toml) == (header.limits, header.settings, header.config_toml)
@@ -41,8 +41,8 @@ def assert_same(read: RunHeader, header: RunHeader) -> None:
             assert old.calibration.date == new.calibration.date
 
 
-@pytest.mark.parametrize("path", KEPT, ids=[path.stem for path in KEPT])
-def test_a_file_of_an_earlier_program_is_read_verified_and_recovered(
+@pytest.mark.parametrize("path", OLD_FILES, ids=[path.stem for path in OLD_FILES])
+def test_file_of_an_earlier_program_is_read_verified_and_recovered(
     path: Path, tmp_path: Path, header: RunHeader, codes_of: Callable[..., NDArray[np.int16]]
 ) -> None:
     ends = (SegmentEnd(0, 2000, EndReason.OVERRUN, 55), SegmentEnd(1, 2000, EndReason.STOPPED))

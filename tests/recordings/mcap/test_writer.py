@@ -1,4 +1,4 @@
-"""The writer never writes over a file, loses a quarter second at most when killed, and says what it cannot do."""
+"""The writer never overwrites a file, loses at most a quarter second when killed, and reports its errors."""
 
 import json
 import os
@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[3]
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
-def test_a_file_that_exists_is_never_written_over(tmp_path: Path, header: RunHeader) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path, header: RunHeader) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
     with pytest.raises(StorageError, match=r"run\.mcap: exists already"):
@@ -40,12 +40,12 @@ def test_a_file_that_exists_is_never_written_over(tmp_path: Path, header: RunHea
     assert path.read_bytes() == b"precious"
 
 
-def test_a_missing_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+def test_missing_folder_is_reported(tmp_path: Path, header: RunHeader) -> None:
     with pytest.raises(StorageError, match=r"there is no folder .*nowhere"):
         RunWriter(tmp_path / "nowhere" / "run.mcap", header)
 
 
-def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, header: RunHeader) -> None:
+def test_file_instead_of_the_folder_is_reported(tmp_path: Path, header: RunHeader) -> None:
     (tmp_path / "data").write_text("")
     with pytest.raises(StorageError, match=r"data/run\.mcap|data\\run\.mcap"):
         RunWriter(tmp_path / "data" / "run.mcap", header)
@@ -53,7 +53,7 @@ def test_a_file_in_the_place_of_the_folder_is_named(tmp_path: Path, header: RunH
 
 @pytest.fixture
 def read_only_folder(tmp_path: Path) -> Iterator[Path]:
-    """A folder that cannot be written to; root can write anywhere but on a file system that is mounted so."""
+    """Yield a read-only folder; for root, who ignores permissions, a file system mounted read-only."""
     if sys.platform == "win32":
         pytest.skip("Windows writes into read-only folders")
     folder = tmp_path / "data"
@@ -68,13 +68,13 @@ def read_only_folder(tmp_path: Path) -> Iterator[Path]:
         subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_read_only_folder_is_named(read_only_folder: Path, header: RunHeader) -> None:
-    told = r"run\.mcap: cannot be created: (Permission denied|Read-only file system)"
-    with pytest.raises(StorageError, match=told):
+def test_read_only_folder_is_reported(read_only_folder: Path, header: RunHeader) -> None:
+    message = r"run\.mcap: cannot be created: (Permission denied|Read-only file system)"
+    with pytest.raises(StorageError, match=message):
         RunWriter(read_only_folder / "run.mcap", header)
 
 
-def test_a_block_that_does_not_follow_is_refused(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_block_out_of_sequence_is_an_error(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 100))
     with pytest.raises(ValueError, match="segment 0 from sample 200, expected segment 0 from sample 100"):
@@ -88,14 +88,14 @@ def test_a_block_that_does_not_follow_is_refused(tmp_path: Path, header: RunHead
     writer.close()
 
 
-def test_a_result_of_an_unknown_topic_is_refused(tmp_path: Path, header: RunHeader) -> None:
+def test_result_of_an_unknown_topic_is_an_error(tmp_path: Path, header: RunHeader) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     with pytest.raises(ValueError, match="topic: '/weather'"):
         writer.add_result(EncodedResult("/weather", 0, b""))
     writer.close()
 
 
-def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
+def test_result_of_an_unknown_segment_does_not_stop_the_recording(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
@@ -109,7 +109,7 @@ def test_a_result_of_a_segment_that_never_began_does_not_stop_the_recording(
         assert reader.is_complete
 
 
-def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_closing_twice_has_no_effect(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 100))
     writer.write_segment_end(SegmentEnd(0, 100, EndReason.STOPPED))
@@ -121,9 +121,7 @@ def test_closing_twice_is_harmless(tmp_path: Path, header: RunHeader, make_block
         assert reader.skipped_samples == 7
 
 
-def test_file_tells_the_largest_backlog_and_the_buffer_that_it_stood_in(
-    tmp_path: Path, header: RunHeader, make_block: MakeBlock
-) -> None:
+def test_file_has_largest_backlog_and_buffer_size(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     card = replace(header, acquisition=replace(header.acquisition, buffer=160_000))
     writer = RunWriter(tmp_path / "run.mcap", card)
     for first, backlog in ((0, 40), (100, 3000), (200, 0)):
@@ -136,9 +134,7 @@ def test_file_tells_the_largest_backlog_and_the_buffer_that_it_stood_in(
         assert reader.delivery.buffer == 160_000 / card.acquisition.rate
 
 
-def test_closing_within_a_segment_leaves_the_run_incomplete(
-    tmp_path: Path, header: RunHeader, make_block: MakeBlock
-) -> None:
+def test_run_closed_within_a_segment_is_incomplete(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 100))
     writer.close()
@@ -148,7 +144,7 @@ def test_closing_within_a_segment_leaves_the_run_incomplete(
         assert reader.n_samples == 100
 
 
-def test_results_from_another_thread_are_all_kept_in_order(
+def test_results_from_another_thread_are_all_written_in_order(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot: MakeSnapshot
 ) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
@@ -170,7 +166,7 @@ def test_results_from_another_thread_are_all_kept_in_order(
         assert reader.samples(0, 0, 400_000).shape == (3, 400_000)
 
 
-WRITE_FOR_EVER = """
+WRITE_FOREVER = """
     import sys
     from pathlib import Path
     import numpy as np
@@ -192,12 +188,12 @@ WRITE_FOR_EVER = """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL is POSIX")
-def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: RunHeader) -> None:
+def test_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: RunHeader) -> None:
     path = tmp_path / "run.mcap"
     for n_blocks in (2, 9, 10, 11, 12):
         path.unlink(missing_ok=True)
         with subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(WRITE_FOR_EVER), str(path)],
+            [sys.executable, "-c", textwrap.dedent(WRITE_FOREVER), str(path)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             cwd=ROOT,
@@ -218,8 +214,8 @@ def test_a_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: 
 
 
 @contextmanager
-def room_for(n_bytes: int) -> Iterator[None]:
-    """Let no file of this process grow beyond so many bytes: writing then fails as it does on a full disk."""
+def file_size_limit(n_bytes: int) -> Iterator[None]:
+    """Limit the size of files of this process: a write beyond it fails as on a full disk."""
     import resource  # noqa: PLC0415  # it exists on POSIX only
 
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -235,57 +231,55 @@ needs_limits = pytest.mark.skipif(sys.platform == "win32", reason="limits of fil
 
 @needs_limits
 @pytest.mark.parametrize("limit", [100_000, 100_001, 133_333])
-def test_a_full_disk_is_said_and_what_was_written_stays_readable(
+def test_full_disk_is_an_error_and_written_samples_stay_readable(
     tmp_path: Path, header: RunHeader, make_block: MakeBlock, codes_of: Callable[..., NDArray[np.int16]], limit: int
 ) -> None:
     path = tmp_path / "run.mcap"
     writer = RunWriter(path, header)
-    handed_over = 0
+    n_given = 0
 
-    def write_on() -> None:
-        nonlocal handed_over
+    def write_until_full() -> None:
+        nonlocal n_given
         while True:
-            writer.write_block(make_block(0, handed_over, 2000))
-            handed_over += 2000
+            writer.write_block(make_block(0, n_given, 2000))
+            n_given += 2000
 
-    with room_for(limit), pytest.raises(StorageError) as first:
-        write_on()
+    with file_size_limit(limit), pytest.raises(StorageError) as first:
+        write_until_full()
     assert str(first.value) == f"{path}: cannot be written: File too large"
     with pytest.raises(StorageError) as again:
-        writer.write_block(make_block(0, handed_over, 2000))
+        writer.write_block(make_block(0, n_given, 2000))
     assert str(again.value) == str(first.value)
-    writer.write_segment_end(SegmentEnd(0, handed_over, EndReason.RECORDER))
+    writer.write_segment_end(SegmentEnd(0, n_given, EndReason.RECORDER))
     writer.close()
     with RunReader(path) as reader:
         assert not reader.is_complete
-        assert handed_over - reader.n_samples <= 0.25 * header.acquisition.rate
+        assert n_given - reader.n_samples <= 0.25 * header.acquisition.rate
         np.testing.assert_array_equal(reader.samples(0, 0, reader.n_samples), codes_of(0, 0, reader.n_samples))
 
 
 @needs_limits
-def test_a_disk_without_room_for_the_header_leaves_no_file(tmp_path: Path, header: RunHeader) -> None:
+def test_disk_full_before_the_header_leaves_no_file(tmp_path: Path, header: RunHeader) -> None:
     path = tmp_path / "run.mcap"
-    with room_for(100), pytest.raises(StorageError, match="cannot be written: File too large"):
+    with file_size_limit(100), pytest.raises(StorageError, match="cannot be written: File too large"):
         RunWriter(path, header)
     assert not path.exists()
 
 
 @needs_limits
-def test_a_disk_that_fills_at_the_end_of_a_segment_is_said(
-    tmp_path: Path, header: RunHeader, make_block: MakeBlock
-) -> None:
+def test_disk_full_at_a_segment_end_is_an_error(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 2000))
-    with room_for(10), pytest.raises(StorageError, match="File too large"):
+    with file_size_limit(10), pytest.raises(StorageError, match="File too large"):
         writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
 
 
 @needs_limits
-def test_a_disk_that_fills_on_closing_loses_no_sample(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_disk_full_on_close_loses_no_sample(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 2000))
     writer.write_segment_end(SegmentEnd(0, 2000, EndReason.STOPPED))
-    with room_for(10), pytest.raises(StorageError, match="File too large"):
+    with file_size_limit(10), pytest.raises(StorageError, match="File too large"):
         writer.close()
     with RunReader(writer.path) as reader:
         assert reader.segment_ends == (SegmentEnd(0, 2000, EndReason.STOPPED),)
@@ -294,7 +288,7 @@ def test_a_disk_that_fills_on_closing_loses_no_sample(tmp_path: Path, header: Ru
     assert not writer.path.exists()
 
 
-def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_memory_stays_flat_during_a_long_run(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     psutil = pytest.importorskip("psutil")
     process = psutil.Process()
     writer = RunWriter(tmp_path / "run.mcap", header)
@@ -313,9 +307,7 @@ def test_a_long_run_keeps_memory_flat(tmp_path: Path, header: RunHeader, make_bl
         assert process.memory_info().rss - before < 20_000_000
 
 
-def test_times_in_the_file_are_the_run_s_start_plus_sample_time(
-    tmp_path: Path, header: RunHeader, make_block: MakeBlock
-) -> None:
+def test_log_times_are_run_start_plus_sample_time(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 3000))
     writer.write_segment_end(SegmentEnd(0, 3000, EndReason.OVERRUN, lost=1000))
