@@ -104,7 +104,7 @@ class PartWriter:
         return self._files
 
     def skip_samples(self, samples: int) -> None:
-        """Count samples per channel between two events that are not recorded."""
+        """Count samples per channel before the next block that are not recorded."""
         self._elapsed_ns += sample_time_ns(samples, self._header.acquisition.rate)
 
     def write_block(self, block: SampleBlock) -> None:
@@ -113,8 +113,8 @@ class PartWriter:
             self._begin_event()
         elif self._samples and self._is_full():
             self._begin_part(block)
-        is_divided = block.segment == self._segment  # the segment began in an earlier file
-        first = block.first_sample - self._first if is_divided else block.first_sample
+        is_first_segment = block.segment == self._segment  # of the file; it may have begun in an earlier file
+        first = block.first_sample - self._first if is_first_segment else block.first_sample
         ticks_per_sample = self._header.acquisition.ticks_per_sample
         self._writer.write_block(block.relocated(block.segment - self._segment, first, ticks_per_sample))
         self._samples += block.n_samples
