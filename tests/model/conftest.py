@@ -1,4 +1,4 @@
-"""What the tests of the model share."""
+"""Fixtures of the model tests."""
 
 from dataclasses import replace
 
@@ -16,5 +16,5 @@ def default() -> ModelParameters:
 
 @pytest.fixture
 def weightless() -> ModelParameters:
-    """A rotor without weight, shaken hard enough to be stable."""
+    """A rotor without weight, with enough imbalance to be stable."""
     return replace(gj90c(imbalance=1e-5), gravity=0.0)

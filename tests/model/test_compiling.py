@@ -1,4 +1,4 @@
-"""Nothing is compiled when the operator starts the program a second time, and an installed program runs as it is."""
+"""Cache of compiled code: nothing is compiled at the second start, also for an installed program."""
 
 import os
 import shutil
@@ -39,7 +39,7 @@ WHOLE_START = """
 
 @pytest.fixture
 def site(tmp_path: Path) -> Path:
-    """The packages as installed, where nobody may write: not even an administrator, who minds no permissions."""
+    """The installed packages in a folder that is not writable, not even for root."""
     for package in ("model", "analysis"):
         folder = tmp_path / "site-packages" / package
         shutil.copytree(ROOT / package, folder, ignore=shutil.ignore_patterns("__pycache__"))
@@ -49,7 +49,7 @@ def site(tmp_path: Path) -> Path:
 
 
 def compilations(act: str, site: Path, home: Path, work: Path) -> int:
-    """How often a new process of that user compiled something."""
+    """Number of compilations in a new process of that user."""
     environment = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     environment |= {"PYTHONPATH": str(site), "HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
     environment |= {"LOCALAPPDATA": str(home / "cache")}
@@ -67,7 +67,7 @@ def test_second_start_of_an_installed_program_compiles_nothing(site: Path, tmp_p
     assert compilations(WHOLE_START, site, home, tmp_path) == 0
 
 
-def test_code_that_is_built_on_a_changed_file_is_compiled_anew(site: Path, tmp_path: Path) -> None:
+def test_change_of_an_imported_file_invalidates_the_cache(site: Path, tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.mkdir()
     assert compilations(FORCES, site, home, tmp_path) > 0
@@ -78,7 +78,7 @@ def test_code_that_is_built_on_a_changed_file_is_compiled_anew(site: Path, tmp_p
     assert compilations(FORCES, site, home, tmp_path) > 0
 
 
-def test_where_nothing_can_be_kept_the_program_runs_all_the_same(site: Path, tmp_path: Path) -> None:
+def test_program_runs_without_a_writable_cache(site: Path, tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.write_text("no folder", encoding="utf-8")
     assert compilations(ONE_FORCE, site, home, tmp_path) > 0

@@ -1,7 +1,7 @@
-"""Chapter 6 of the thesis: how the oil films let go, at the default imbalance.
+"""Chapter 6 of the thesis: oil whirl of both films at the default imbalance.
 
-The thesis's onset speeds do not follow from its printed data (its imbalances pin the journals to the wall), so its
-frequencies are compared, and the sequence that it saw on the bench: nothing, the inner film, the outer film.
+The stated onset speeds do not follow from the printed data (the imbalances pin the journals to the wall), so whirl
+orders are compared, and the sequence observed on the test rig: no whirl, inner film, outer film.
 """
 
 import math
@@ -21,26 +21,26 @@ def prediction_map() -> PredictionMap:
     return compute_prediction_map(gj90c(), SPEEDS, AnalysisSettings(revolutions=32), lambda _done, _total: None)
 
 
-def test_at_low_speed_the_shaft_only_follows_its_imbalance(prediction_map: PredictionMap) -> None:
+def test_low_speed_has_only_1x(prediction_map: PredictionMap) -> None:
     assert np.isnan(prediction_map.whirl_order[:2]).all()
     assert (prediction_map.growth_rate[:2] < 0).all()
-    # and that by 2 to 3 µm, of 100 µm clearance
+    # 2 to 3 µm, of 100 µm clearance
     assert np.abs(prediction_map.vectors[2:, 0]).max() < 3.2e-6
 
 
-def test_inner_film_whirls_first_at_half_the_speed_of_its_surfaces_sum(prediction_map: PredictionMap) -> None:
+def test_inner_film_whirls_first_at_half_the_sum_of_its_surface_speeds(prediction_map: PredictionMap) -> None:
     # (Om_J + Om_R) / 2 = 0.703 for a centred journal; the thesis says about 60 %
     assert prediction_map.whirl_order[2:6] == pytest.approx(np.full(4, 0.70), abs=0.02)
 
 
-def test_outer_film_whirls_last_at_half_the_rings_speed(prediction_map: PredictionMap) -> None:
+def test_outer_film_whirls_last_at_half_the_ring_speed(prediction_map: PredictionMap) -> None:
     # Om_R / 2 = 0.203 for a centred ring; the thesis says 20 %
     assert prediction_map.whirl_order[-2:] == pytest.approx([0.20, 0.20], abs=0.015)
     assert prediction_map.whirl_amplitude[-1] > 3 * prediction_map.whirl_amplitude[2:6].max()
 
 
-def test_imbalance_delays_the_inner_films_whirl(prediction_map: PredictionMap) -> None:
-    # Figures 6.1 to 6.3: the one trend that the printed model reproduces without doubt
+def test_imbalance_delays_inner_film_whirl(prediction_map: PredictionMap) -> None:
+    # Figures 6.1 to 6.3: the trend that the model reproduces clearly
     harder = compute_prediction_map(
         gj90c(imbalance=1e-6), np.array([900.0, 1100.0]), AnalysisSettings(), lambda _done, _total: None
     )

@@ -1,8 +1,8 @@
-"""Raimondi and Boyd's table of finite journal bearings (Trans. ASLE 1, 1958, part III: the film may break).
+"""Raimondi and Boyd's table of finite journal bearings (Trans. ASLE 1, 1958, part III: with cavitation).
 
-Their film begins without pressure where it is thickest, so here a groove without pressure lies there. Tolerance: the
-table has three digits from finite differences on the grids of its time; 1.5 % of the Sommerfeld number and 0.6 degrees
-of the attitude cover all its rows. The infinitely long rows are held to the closed form, 0.8 % and 0.4 degrees.
+Their film starts with zero pressure at the thickest position, so a groove at zero pressure is placed there. Tolerance:
+the table has three digits from finite differences on coarse grids; 1.5 % of the Sommerfeld number and 0.6 degrees of
+the attitude cover all rows. The infinitely long rows are compared with the closed form, 0.8 % and 0.4 degrees.
 """
 
 import math
@@ -28,7 +28,7 @@ SPEED = 1000.0
 
 @pytest.mark.parametrize("slenderness", FINITE)
 @pytest.mark.parametrize("eccentricity", [0.1, 0.2, 0.4, 0.6, 0.8])
-def test_finite_film_has_the_tabled_load_and_attitude(slenderness: float, eccentricity: float) -> None:
+def test_finite_film_has_the_tabulated_load_and_attitude(slenderness: float, eccentricity: float) -> None:
     film = Film(radius=5e-3, length=slenderness * 10e-3, clearance=20e-6, viscosity=0.012)
     position = eccentricity * film.clearance + 0j
     force = solve_reynolds(film, position, 0j, SPEED, Grid(180, 12), groove=Groove(math.pi, 0.0)).force
@@ -39,7 +39,7 @@ def test_finite_film_has_the_tabled_load_and_attitude(slenderness: float, eccent
 
 
 @pytest.mark.parametrize("eccentricity", LONG)
-def test_long_film_that_begins_where_it_is_thickest_has_the_tabled_load_and_attitude(eccentricity: float) -> None:
+def test_long_film_from_the_thickest_position_has_the_tabulated_load_and_attitude(eccentricity: float) -> None:
     extent = brentq(lambda extent: ruptured_film(eccentricity, extent).start, 0.3, 1.0)
     film = ruptured_film(eccentricity, float(extent))
     number, attitude = LONG[eccentricity]

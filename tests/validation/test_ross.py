@@ -1,6 +1,6 @@
 """Lateral frequencies, growth rates and linear response of three rotors as ROSS 2.3.0 computes them.
 
-The numbers in ross/ross.json were written by ross/golden.py; `make oracle` has ROSS compute them anew.
+The numbers in ross/ross.json were written by ross/golden.py; `make oracle` recomputes them with ROSS.
 """
 
 import json
@@ -60,7 +60,7 @@ def test_all_lateral_frequencies_are_those_of_ross(golden: dict[str, Any], name:
     require_frequencies(golden, name)
 
 
-def test_the_two_further_rotors_are_long_sheared_and_held_differently_by_direction() -> None:
+def test_other_rotors_have_many_stations_shear_and_anisotropic_supports() -> None:
     for name in ("pump", "turbo"):
         parameters = parameters_of(name)
         assert parameters.rotor.stations >= 20
@@ -70,7 +70,7 @@ def test_the_two_further_rotors_are_long_sheared_and_held_differently_by_directi
 
 
 @pytest.mark.parametrize("name", ROTORS)
-def test_imbalance_moves_every_station_as_in_ross(golden: dict[str, Any], name: str) -> None:
+def test_imbalance_response_of_all_stations_equals_ross(golden: dict[str, Any], name: str) -> None:
     parameters = parameters_of(name)
     pairs: NDArray[np.float64] = np.array(golden["rotors"][name]["response_m"])
     theirs = pairs[..., 0] + 1j * pairs[..., 1]
@@ -79,10 +79,10 @@ def test_imbalance_moves_every_station_as_in_ross(golden: dict[str, Any], name: 
 
 
 @pytest.mark.oracle
-def test_ross_says_today_what_it_said_when_the_numbers_were_written(golden: dict[str, Any], tmp_path: Path) -> None:
-    anew = tmp_path / "ross.json"
-    subprocess.run([PYTHON, HERE / "golden.py", anew], check=True, cwd=tmp_path, capture_output=True, timeout=300)
-    found: dict[str, Any] = json.loads(anew.read_text(encoding="utf-8"))
+def test_ross_reproduces_the_stored_numbers(golden: dict[str, Any], tmp_path: Path) -> None:
+    recomputed = tmp_path / "ross.json"
+    subprocess.run([PYTHON, HERE / "golden.py", recomputed], check=True, cwd=tmp_path, capture_output=True, timeout=300)
+    found: dict[str, Any] = json.loads(recomputed.read_text(encoding="utf-8"))
     for name in ROTORS:
         for kind, tolerance in (("frequencies_hz", 0.001), ("growth_rates_per_s", 0.01), ("response_m", 1e-12)):
             old, new = (np.array(one["rotors"][name][kind][-1]) for one in (golden, found))

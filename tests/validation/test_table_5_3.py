@@ -1,7 +1,7 @@
-"""Table 5.3 of the thesis: natural frequencies against speed on bearings of 1e4 N/m, and the counts of the figures.
+"""Table 5.3 of the thesis: natural frequencies over speed on bearings of 1e4 N/m, and number of critical speeds.
 
-Tolerance 0.8 Hz: the thesis prints whole hertz (0.5) from slightly different numbers. Entries that cannot be meant are
-listed with their reason; they are still held to a wider tolerance, so that all 170 are compared.
+Tolerance 0.8 Hz: the thesis prints whole hertz (0.5) from slightly different numbers. Misprints are listed with
+their reason and compared with a wider tolerance, so that all 170 entries are compared.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from model.studies.thesis.chapter_5 import TABLE_5_3, misprint_reason
 BEARING_STIFFNESS = 1e4  # N/m
 TOLERANCE = 0.8  # Hz
 
-# (speed, frequency printed): tolerance, Hz, and why
+# (speed, printed frequency): tolerance, Hz, and reason
 WIDER: dict[tuple[int, int], tuple[float, str]] = {
     **{(speed, 53): (3.1 if speed == 2500 else 1.5, misprint_reason(speed, 53)) for speed in range(2500, 6501, 500)},
     **{(speed, -50): (2.5, misprint_reason(speed, -50)) for speed in range(2500, 8001, 500)},
@@ -31,7 +31,7 @@ def computed(speed: float) -> tuple[list[float], list[float]]:
 def pairs(speed: int) -> list[tuple[float, int]]:
     forward, reverse = computed(speed)
     printed_forward, printed_reverse = TABLE_5_3[speed]
-    # Computed frequencies are sorted. The printed columns follow the modes through the crossing of the two rigid ones
+    # Computed frequencies are sorted. The printed columns track the modes through the crossing of the two rigid ones
     # near 2600 rad/s, so the printed rows are sorted as well.
     return list(zip(forward, sorted(printed_forward, reverse=True), strict=True)) + list(
         zip(reverse, sorted(printed_reverse), strict=True)
@@ -48,7 +48,7 @@ def test_rotor_on_soft_bearings_has_the_frequencies_of_table_5_3(speed: int) -> 
     assert not wrong
 
 
-def test_only_the_entries_with_a_reason_miss_table_5_3() -> None:
+def test_only_misprints_with_a_reason_differ_from_table_5_3() -> None:
     misses = {
         (speed, printed) for speed in TABLE_5_3 for ours, printed in pairs(speed) if abs(ours - printed) > TOLERANCE
     }
@@ -64,10 +64,10 @@ def test_only_the_entries_with_a_reason_miss_table_5_3() -> None:
         (1e4, (135.8, 329.5), (121.5, 329.3, 7800.1)),
     ],
 )
-def test_critical_speeds_are_as_many_as_the_campbell_diagrams_show(
+def test_number_of_critical_speeds_is_that_of_the_campbell_diagrams(
     bearing_stiffness: float, forward: tuple[float, ...], reverse: tuple[float, ...]
 ) -> None:
-    # 2, 4 and 5 crossings stand in section 5.3; the speeds were found independently on the determinant.
+    # Section 5.3 states 2, 4 and 5 crossings; the speeds were found independently from the determinant.
     found = critical_speeds(gj90c_rotor(), bearing_stiffness, 8000)
     assert found.forward == pytest.approx(forward, abs=0.06)
     assert found.reverse == pytest.approx(reverse, abs=0.06)

@@ -1,4 +1,4 @@
-"""The report on chapter 3: what it reproduces and what it does not, so that neither changes unnoticed."""
+"""Report on chapter 3: reproduced and not reproduced numbers, to detect changes."""
 
 import numpy as np
 import pytest
@@ -42,20 +42,18 @@ def test_table_3_1_taken_literally_reproduces_none_of_the_inner_eccentricities(c
     ("place", "words"),
     [("Fig. 3.5", "20 N"), ("Fig. 3.8", "start of the outer"), ("Fig. 3.9", "187"), ("Fig. 3.13", "30 N")],
 )
-def test_numbers_that_no_balanced_film_gives_are_reported_as_not_reproduced(
-    chapter: Chapter, place: str, words: str
-) -> None:
+def test_numbers_without_force_balance_are_not_reproduced(chapter: Chapter, place: str, words: str) -> None:
     [comparison] = [c for c in of(chapter, "thesis-like", place) if words in c.quantity]
     assert not comparison.is_reproduced
 
 
-def test_flows_at_1000_rad_s_are_reported_as_not_reproduced_in_either_calibration(chapter: Chapter) -> None:
+def test_flows_at_1000_rad_s_are_not_reproduced_with_either_calibration(chapter: Chapter) -> None:
     flows = [c for c in chapter.comparisons if c.place == "Fig. 3.15" and c.quantity.startswith("mean flow")]
     assert len(flows) == 6
     assert not any(c.is_reproduced for c in flows)
 
 
-def test_every_figure_is_there_twice_with_its_curves(chapter: Chapter) -> None:
+def test_every_figure_is_computed_with_both_calibrations(chapter: Chapter) -> None:
     numbers = [figure.number for figure in chapter.figures]
     expected = ["3.2a", "3.2b", "3.3a", "3.3b", "3.4a", "3.4b", *(f"3.{n}" for n in range(5, 12))]
     expected += ["3.12a", "3.12b", "3.12c", "3.13", "3.14a", "3.14b", "3.14c", "3.15"]
@@ -66,7 +64,7 @@ def test_every_figure_is_there_twice_with_its_curves(chapter: Chapter) -> None:
             assert np.all(np.isfinite(curve.y))
 
 
-def test_figures_show_what_their_comparisons_name(chapter: Chapter) -> None:
+def test_figures_and_comparisons_have_the_same_values(chapter: Chapter) -> None:
     [inner] = [f for f in chapter.figures if f.number == "3.3a" and "thesis-like" in f.title]
     assert [float(curve.y[0]) for curve in inner.curves] == pytest.approx([0.116, 0.233, 0.353], abs=1e-3)
     [complete] = [f for f in chapter.figures if f.number == "3.5" and "nominal" in f.title]

@@ -1,4 +1,4 @@
-"""The report on chapters 5 and 6: what it reproduces and what it does not, so that neither changes unnoticed."""
+"""Report on chapters 5 and 6: reproduced and not reproduced numbers, to detect changes."""
 
 import math
 from dataclasses import replace
@@ -27,7 +27,7 @@ INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
 @pytest.fixture(scope="module")
 def outcomes() -> tuple[CaseResult, ...]:
-    # the same cases, at few speeds: what is compared is how the report judges
+    # the same cases at few speeds: the evaluation of the report is tested
     speeds = np.array([500.0, 1200.0, 1300.0, 2400.0, 2500.0])
     found = []
     for case in CASES:
@@ -50,7 +50,7 @@ def test_tables_5_2_and_5_3_and_the_counts_are_reproduced_but_for_entries_with_a
     assert all(c.note for c in missed)
 
 
-def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(
+def test_every_onset_of_chapter_6_is_compared_with_a_reason(
     outcomes: tuple[CaseResult, ...],
 ) -> None:
     comparisons = chapter_6_comparisons(outcomes)
@@ -58,7 +58,7 @@ def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(
     assert len(onsets) == 2 * len(CASES)
     for comparison in onsets:
         assert comparison.is_reproduced or "by eigenvalues" in comparison.note
-    # below 800 rad/s the text has whirl at an outer clearance of 70 µm, above it none: no onset, but an end
+    # at an outer clearance of 70 µm the text states whirl below 800 rad/s only: an end, but no onset
     assert [c.stated for c in onsets if "end of whirl" in c.quantity] == [800.0]
     orders = [c for c in comparisons if c.unit == "X"]
     assert [(c.place, c.stated) for c in orders] == [
@@ -66,15 +66,15 @@ def test_every_onset_of_chapter_6_stands_beside_the_stated_one_with_its_reason(
     ]  # fmt: skip
 
 
-def test_onsets_of_seeded_run_ups_are_said_to_stand_where_the_eigenvalues_do(outcomes: tuple[CaseResult, ...]) -> None:
+def test_text_compares_onsets_of_run_ups_and_eigenvalues(outcomes: tuple[CaseResult, ...]) -> None:
     agreeing, of = onsets_by_eigenvalues(outcomes).split()[:3:2]
     assert int(of) == 2 * len(CASES)
-    assert int(agreeing) < int(of)  # at so few speeds
-    said = onsets_by_eigenvalues(_with_onsets([1600.0, math.nan, math.nan]))
-    assert "inner film, imbalance 1e-5 kg m: 1,600 rad/s, by eigenvalues none" in said
+    assert int(agreeing) < int(of)  # with these few speeds
+    message = onsets_by_eigenvalues(_with_onsets([1600.0, math.nan, math.nan]))
+    assert "inner film, imbalance 1e-5 kg m: 1,600 rad/s, by eigenvalues none" in message
 
 
-def test_whirl_that_never_comes_counts_as_later_than_any() -> None:
+def test_missing_whirl_counts_as_the_latest_onset() -> None:
     delays = next(
         one for one in trends(_with_onsets([1600.0, 2500.0, math.nan])) if one.text.startswith("more imbalance delays")
     )
@@ -85,7 +85,7 @@ def test_whirl_that_never_comes_counts_as_later_than_any() -> None:
 
 
 def _with_onsets(onsets: list[float]) -> tuple[CaseResult, ...]:
-    """Return outcomes of all cases, the first three with these onsets of the inner film."""
+    """Return results of all cases, the first three with these onsets of the inner film."""
     speeds = np.arange(1000.0, 3001.0, 100.0)
     found, orders = [], np.arange(0.0, 3.0, 1 / 64)
     calm = stability(CASES[0].parameters(), np.array([300.0, 400.0]))
@@ -103,7 +103,7 @@ def _with_onsets(onsets: list[float]) -> tuple[CaseResult, ...]:
     return tuple(found)
 
 
-def test_page_holds_verdicts_reasons_and_pictures_and_fetches_nothing(outcomes: tuple[CaseResult, ...]) -> None:
+def test_report_has_verdicts_reasons_and_figures_and_no_external_resources(outcomes: tuple[CaseResult, ...]) -> None:
     comparisons = tuple(chapter_6_comparisons(outcomes))
     figures = tuple(chapter_6_figures(outcomes)[:1])
     assert isinstance(figures[0][1][0], Surface)
@@ -119,13 +119,13 @@ def test_page_holds_verdicts_reasons_and_pictures_and_fetches_nothing(outcomes: 
     assert f"{good} of {total}" in text
 
 
-def test_every_figure_of_both_chapters_is_there(outcomes: tuple[CaseResult, ...]) -> None:
+def test_report_has_every_figure_of_both_chapters(outcomes: tuple[CaseResult, ...]) -> None:
     drawn = [caption.split(":")[0] for caption, _ in (*chapter_5_figures(), *chapter_6_figures(outcomes))]
     numbers = {caption.removeprefix("Fig. ").rstrip("abc") for caption in drawn if caption.startswith("Fig. ")}
     assert numbers == {*(f"5.{n}" for n in range(2, 9)), *(f"6.{n}" for n in range(1, 22))}
 
 
-def test_mode_shapes_are_drawn_forward_and_reverse_as_large_as_one() -> None:
+def test_mode_shapes_are_scaled_to_one_forward_and_reverse() -> None:
     shapes = [
         plots for caption, plots in chapter_5_figures() if caption.startswith(("Fig. 5.4", "Fig. 5.6", "Fig. 5.8"))
     ]
@@ -152,7 +152,7 @@ def test_mode_shapes_are_drawn_forward_and_reverse_as_large_as_one() -> None:
         ((Component.HARMONIC,), {1.3: 1e-6}, True),
     ],
 )
-def test_look_is_right_where_it_shows_what_is_stated_and_no_more(
+def test_spectrum_is_reproduced_with_exactly_the_stated_components(
     stated: tuple[Component, ...], there: dict[float, float], *, is_right: bool
 ) -> None:
     run = run_up(CASES[0].parameters(), np.array([500.0, 520.0]), 1, 64)

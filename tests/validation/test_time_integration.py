@@ -1,4 +1,4 @@
-"""The march in time against an explicit solver, and the eigenvalues of stability against the march."""
+"""Integration in time against an explicit solver, and stability eigenvalues against transients."""
 
 import math
 
@@ -21,7 +21,7 @@ TURNS = 320
 
 
 def explicit(parameters: ModelParameters, speed: float, times: FloatArray) -> FloatArray:
-    """Motion at the probes from rest in the bearings' centre by an explicit method of order 8 with tight tolerances."""
+    """Motion at the probes from rest in the bearing centre, by an explicit method of order 8 with tight tolerance."""
     span = (0.0, float(times[-1]))
     rates = compiled_rates(parameters, speed)
     solution = solve_ivp(rates, span, at_rest(), "DOP853", times, rtol=1e-9, atol=1e-14)
@@ -32,7 +32,7 @@ def explicit(parameters: ModelParameters, speed: float, times: FloatArray) -> Fl
 
 
 def apart(parameters: ModelParameters, orbit: SynchronousOrbit, turns: int) -> FloatArray:
-    """How far a slightly disturbed motion is from the synchronous one, largest in each turn, m."""
+    """Largest distance of a disturbed motion from the synchronous one in each turn, m."""
     still, disturbed = (ShaftMotion(parameters, orbit.speed, 1) for _ in range(2))
     still.set_initial_state(orbit.initial_state)
     disturbed.set_initial_state(orbit.initial_state + 1e-10 * orbit.disturbance)
@@ -44,14 +44,14 @@ def apart(parameters: ModelParameters, orbit: SynchronousOrbit, turns: int) -> F
     )
 
 
-def test_both_ways_of_writing_the_equations_say_the_same() -> None:
+def test_compiled_and_numpy_equations_are_equal() -> None:
     state = 1e-6 * np.random.default_rng(7).standard_normal(at_rest().size)
     compiled, plain = (make(gj90c(), 1100.0)(0.3, state) for make in (compiled_rates, numpy_rates))
     assert compiled == pytest.approx(plain, rel=1e-9)
 
 
 @pytest.mark.parametrize(("speed", "imbalance"), [(1100.0, 5e-7), (1900.0, 5e-7), (1500.0, 2e-6)])
-def test_motion_is_that_of_a_tight_explicit_integration_over_ten_turns(speed: float, imbalance: float) -> None:
+def test_motion_equals_explicit_integration_over_ten_turns(speed: float, imbalance: float) -> None:
     parameters, steps = gj90c(imbalance=imbalance), 128
     step = 2 * math.pi / (speed * steps)
     angle = speed * step * np.arange(1, 10 * steps + 1, dtype=np.float64)
@@ -66,7 +66,9 @@ def test_growth_rate_is_that_of_a_transient(speed: float) -> None:
     orbit = synchronous_orbit(gj90c(), speed)
     size = apart(gj90c(), orbit, TURNS)
     turns = np.arange(TURNS)
-    small = (turns >= 20) & (np.maximum.accumulate(size) < 1e-7)  # the first mix others in, large ones grow otherwise
+    small = (turns >= 20) & (
+        np.maximum.accumulate(size) < 1e-7
+    )  # the first turns contain other modes; large disturbances are nonlinear
     assert small.sum() > 60
     per_turn = np.polyfit(turns[small], np.log(size[small]), 1)[0]
     assert per_turn * speed / (2 * math.pi) == pytest.approx(orbit.growth_rate, rel=0.05)

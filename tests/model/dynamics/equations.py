@@ -1,6 +1,6 @@
-"""The equations of motion written out again, for explicit solvers: compiled, and in NumPy alone.
+"""Independent equations of motion for explicit solvers: compiled, and in NumPy.
 
-Nothing of the program's step, matrices or film kernel is in here: only its modes and its films' numbers.
+They use the modes and film parameters of the program, but not its time step, matrices or film kernel.
 """
 
 import math
@@ -38,7 +38,7 @@ def _rates(
     time: float, state: ComplexArray, speed: float, shaft: ModalShaft, films: Films, rings: Rings
 ) -> ComplexArray:
     squared_frequencies, gyroscopic, journals, _, imbalance, weight = shaft
-    m, n = squared_frequencies.size, state.size // 2  # modes, and they with the rings
+    m, n = squared_frequencies.size, state.size // 2  # modes; modes and rings
     inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin = films
     out = np.empty(state.size, np.complex128)
     turning = speed * speed * complex(math.cos(speed * time), math.sin(speed * time))
@@ -64,7 +64,7 @@ def _rates(
 
 
 def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Rates:
-    """Return d(state)/dt at a steady speed, compiled; the state is that of modes and rings, then their velocities."""
+    """Return d(state)/dt at a constant speed, compiled; the state holds modes and rings, then their velocities."""
     system = ModalSystem.of(parameters, modes)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
@@ -78,7 +78,7 @@ def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) ->
 def _hold(
     out: ComplexArray, state: ComplexArray, m: int, shapes: FloatArray, matrices: FloatArray, rings: FloatArray
 ) -> None:
-    # linear supports; rings: number, mass, gravity of each one's, the number below 0 for none
+    # linear supports; rings: index, mass and gravity for each support, index < 0 for none
     n = state.size // 2
     for s in range(shapes.shape[0]):
         z, v = 0j, 0j
@@ -127,7 +127,7 @@ def _rub(out: ComplexArray, state: ComplexArray, m: int, speed: float, shapes: F
 
 
 def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> Rates:
-    """Return the same with linear supports and walls; the rings of supports follow the floating ones."""
+    """Return d(state)/dt with linear supports and walls; rings of supports follow the floating rings."""
     system = ModalSystem.of(parameters, modes)
     supports, rubs = parameters.supports, parameters.rubs
     supported = system.stations[[one.station - 1 for one in supports]]
@@ -153,7 +153,7 @@ def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> 
 
 
 def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Rates:
-    """Return the same in NumPy, as one writes it first."""
+    """Return d(state)/dt in plain NumPy."""
     system = ModalSystem.of(parameters, modes)
     shaft, films = system.shaft, system.films
 
@@ -186,5 +186,5 @@ def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Ra
 
 
 def at_rest(modes: int = 6, rings: int = 2) -> FloatArray:
-    """Return the state of a rotor at rest in the bearings' centre."""
+    """Return the state of a rotor at rest in the bearing centre."""
     return np.zeros(4 * (modes + rings))

@@ -21,14 +21,14 @@ FloatArray = NDArray[np.float64]
 
 
 def turning(speed: float, turns: float, steps: int) -> tuple[FloatArray, FloatArray, float]:
-    """Angle, speed and step of a steady course from theta = 0."""
+    """Angle, speed and step of a constant speed from theta = 0."""
     step = 2 * math.pi / (speed * steps)
     angle = speed * step * np.arange(1, round(turns * steps) + 1, dtype=np.float64)
     return angle, np.full(angle.size, speed), step
 
 
 def written_out(parameters: ModelParameters, speed: float, times: FloatArray) -> FloatArray:
-    """The equations of motion, written out again from the matrices and integrated by SciPy, from rest in the centre."""
+    """Motion from rest in the centre: independent equations from the matrices, integrated by SciPy."""
     rotor, bearing = parameters.rotor, parameters.floating_ring
     shapes = free_modes(rotor, 6).shapes
     M, J, K = rotor.mass_matrix(), rotor.gyroscopic_matrix(), rotor.stiffness_matrix()
@@ -63,7 +63,7 @@ def written_out(parameters: ModelParameters, speed: float, times: FloatArray) ->
     return np.stack((path.real, path.imag))
 
 
-def test_motion_follows_the_equations_as_scipy_solves_them(default: ModelParameters) -> None:
+def test_motion_equals_the_solution_of_scipy(default: ModelParameters) -> None:
     parameters = replace(default, imbalances=(Imbalance(5, 8e-7, 0.4), Imbalance(2, 3e-7, -2.0)))
     speed = 1100.0
     angle, speeds, step = turning(speed, 5, 128)
@@ -73,7 +73,7 @@ def test_motion_follows_the_equations_as_scipy_solves_them(default: ModelParamet
     assert np.abs(path - expected).max() < 0.05e-6
 
 
-def test_error_falls_with_the_square_of_the_step(default: ModelParameters) -> None:
+def test_error_is_second_order_in_the_step(default: ModelParameters) -> None:
     # From a smooth state: the first steps from rest are a shock.
     def after_two_turns(steps: int) -> FloatArray:
         motion = ShaftMotion(default, 1100.0, 40)
@@ -98,7 +98,7 @@ def test_stable_motion_is_the_synchronous_one(weightless: ModelParameters, speed
     assert abs(circle - response.circle) < 1e-3 * abs(response.circle)
 
 
-def test_motion_does_not_depend_on_how_its_course_is_cut(default: ModelParameters) -> None:
+def test_motion_does_not_depend_on_the_division_into_calls(default: ModelParameters) -> None:
     step, n = 2e-5, 1500
     speed = 800 + 400 * np.sin(np.linspace(0, 3, n))
     angle = np.cumsum(speed) * step
@@ -109,7 +109,7 @@ def test_motion_does_not_depend_on_how_its_course_is_cut(default: ModelParameter
         assert np.array_equal(np.concatenate(parts, axis=1), whole)
 
 
-def test_coarse_steps_are_divided_inside(default: ModelParameters) -> None:
+def test_coarse_steps_are_divided_internally(default: ModelParameters) -> None:
     coarse_angle, coarse_speed, coarse_step = turning(1100.0, 3, 16)
     fine_angle, fine_speed, fine_step = turning(1100.0, 3, 64)
     coarse = ShaftMotion(default, 1100.0, 20).advance(coarse_angle, coarse_speed, coarse_step)
@@ -117,12 +117,12 @@ def test_coarse_steps_are_divided_inside(default: ModelParameters) -> None:
     assert np.abs(coarse - fine[:, 3::4]).max() < 1e-9
 
 
-def test_settled_motion_repeats_itself_from_turn_to_turn(default: ModelParameters) -> None:
+def test_settled_motion_is_periodic(default: ModelParameters) -> None:
     first, second = np.split(ShaftMotion(default, 300.0, 150).integrate_turns(2), 2, axis=1)
     assert np.abs(first - second).max() < 0.02 * np.ptp(first)
 
 
-def test_motion_starts_at_the_angle_it_is_told(default: ModelParameters) -> None:
+def test_motion_starts_at_the_given_angle(default: ModelParameters) -> None:
     straight = ShaftMotion(default, 500.0, 100)
     turned = ShaftMotion(default, 500.0, 100, angle=2.0)
     angle, speeds, step = turning(500.0, 1, 64)
@@ -134,7 +134,7 @@ def test_motion_starts_at_the_angle_it_is_told(default: ModelParameters) -> None
     assert second == pytest.approx(first, rel=0.02)
 
 
-def test_phase_of_the_imbalance_turns_the_synchronous_motion(default: ModelParameters) -> None:
+def test_phase_of_the_imbalance_rotates_the_synchronous_motion(default: ModelParameters) -> None:
     ahead = replace(default, imbalances=(Imbalance(5, 5e-7, 1.0),))
     mark = synchronous_response(default, 600.0)
     assert synchronous_response(ahead, 600.0).vectors == pytest.approx(mark.vectors * np.exp(1j), rel=1e-6)
@@ -147,7 +147,7 @@ def test_standing_shaft_sinks_until_the_film_is_squeezed(default: ModelParameter
     assert -100e-6 < motion.displacement[1] < deep < 0
 
 
-def test_change_of_speed_keeps_the_place(default: ModelParameters) -> None:
+def test_change_of_speed_preserves_the_position(default: ModelParameters) -> None:
     motion = ShaftMotion(default, 500.0, 50)
     before = motion.displacement
     motion.change_speed(520.0)
@@ -156,7 +156,7 @@ def test_change_of_speed_keeps_the_place(default: ModelParameters) -> None:
     assert np.abs(motion.integrate_turns(4)).max() < 100e-6
 
 
-def test_motion_that_reaches_the_wall_says_where_and_at_what_speed() -> None:
+def test_wall_contact_error_names_film_and_speed() -> None:
     dry = gj90c(viscosity=1e-7)
     with pytest.raises(WallContactError, match=r"eccentricity: the ring reached .* µm of the outer .* at 10\.0 rad/s"):
         ShaftMotion(dry, 10.0)
@@ -165,12 +165,14 @@ def test_motion_that_reaches_the_wall_says_where_and_at_what_speed() -> None:
 @pytest.mark.parametrize(
     ("ring", "film"), [(81e-6, "inner"), (1.0, "inner"), (79.9999e-6, "inner")], ids=["beyond", "far beyond", "at it"]
 )
-def test_state_beyond_the_wall_is_refused_and_changes_nothing(default: ModelParameters, ring: float, film: str) -> None:
+def test_state_beyond_the_wall_is_refused_without_effect(default: ModelParameters, ring: float, film: str) -> None:
     motion = ShaftMotion(default, 900.0, 5)
     before, beyond = motion.state, motion.state
     beyond[0, -1] = ring
-    said = rf"eccentricity: the journal reached .* µm of the {film} film's clearance of 20 µm at 950\.0 rad/s, expected"
-    with pytest.raises(WallContactError, match=said):
+    message = (
+        rf"eccentricity: the journal reached .* µm of the {film} film's clearance of 20 µm at 950\.0 rad/s, expected"
+    )
+    with pytest.raises(WallContactError, match=message):
         motion.resume(beyond, 950.0)
     assert np.array_equal(motion.state, before)
     beyond[0] = 0
@@ -183,7 +185,7 @@ def test_state_beyond_the_wall_is_refused_and_changes_nothing(default: ModelPara
         motion.resume(beyond, 950.0)
 
 
-def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) -> None:
+def test_disturbance_beyond_the_wall_is_an_error(default: ModelParameters) -> None:
     orbit = synchronous_orbit(default, 900.0)
     with pytest.raises(WallContactError, match=r"eccentricity: the .* reached .* at 900\.0 rad/s"):
         ShaftMotion(default, 900.0, 5).disturb(30e-6 * orbit.disturbance)
@@ -192,7 +194,7 @@ def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) ->
 
 
 @pytest.mark.parametrize(
-    ("speed", "turns", "angle", "said"),
+    ("speed", "turns", "angle", "message"),
     [
         (-1.0, 10, 0.0, r"speed: -1 rad/s, expected a finite value, 0 or more"),
         (math.nan, 10, 0.0, r"speed: nan rad/s"),
@@ -200,14 +202,14 @@ def test_disturbance_that_leads_to_the_wall_is_told(default: ModelParameters) ->
         (100.0, 1, math.inf, r"angle: inf rad"),
     ],
 )
-def test_start_that_makes_no_sense_is_refused(
-    default: ModelParameters, speed: float, turns: int, angle: float, said: str
+def test_invalid_start_is_refused(
+    default: ModelParameters, speed: float, turns: int, angle: float, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         ShaftMotion(default, speed, turns, angle=angle)
 
 
-def test_course_that_makes_no_sense_is_refused(default: ModelParameters) -> None:
+def test_invalid_time_history_is_refused(default: ModelParameters) -> None:
     motion = ShaftMotion(default, 100.0, 0)
     zeros = np.zeros(3)
     with pytest.raises(ValueError, match=r"shapes \(3,\) and \(2,\), expected \(n,\) twice"):

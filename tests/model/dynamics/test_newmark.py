@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def interpreted() -> Callable[..., int]:
-    """The kernel's march with everything it calls run by the interpreter instead of compiled code."""
+    """`newmark.integrate` with all functions it calls, interpreted instead of compiled."""
     names: dict[str, object] = {}
     for module in (capone_module, forces_module, condensed_module, kernel_module):
         names |= vars(module)
@@ -39,32 +39,32 @@ def interpreted() -> Callable[..., int]:
 
 
 def run(
-    marching: Callable[..., int], system: ModalSystem, speeds: NDArray[np.float64], step: float
+    integrate: Callable[..., int], system: ModalSystem, speeds: NDArray[np.float64], step: float
 ) -> tuple[int, NDArray[np.complex128]]:
     state = system.at_rest(angle=0.0, speed=float(speeds[0]))
     path = np.zeros((system.stations.shape[0], speeds.size), np.complex128)
-    course = np.cumsum(speeds) * step, speeds
-    result = marching(system.parts, system.constraints, system.matrices(step), state, *course, system.stations, path)
+    history = np.cumsum(speeds) * step, speeds
+    result = integrate(system.parts, system.constraints, system.matrices(step), state, *history, system.stations, path)
     return result, path
 
 
 @pytest.mark.parametrize("constrained", [False, True])
-def test_compiled_march_equals_the_interpreted_one(default: ModelParameters, *, constrained: bool) -> None:
+def test_compiled_integration_equals_the_interpreted_one(default: ModelParameters, *, constrained: bool) -> None:
     film = SupportCoefficients(((1e5, 2e4), (0.0, 1e5)), ((20.0, 0.0), (0.0, 20.0)))
     supports = (Support(1, film), Support(6, film, film, 0.01))
     parameters = replace(default, supports=supports, rubs=(Rub(5, 1e-6, 1e6, 0.02, 0.1, 0.5),))
     system = ModalSystem.of(parameters if constrained else default)
     speeds = np.linspace(900, 1100, 60)
     fine = 0.5 * MAX_SUBSTEP_ANGLE / 1100
-    for step in (fine, 3 * fine):  # the second is divided inside
+    for step in (fine, 3 * fine):  # the second is divided internally
         expected = run(integrate, system, speeds, step)
         found = run(interpreted(), system, speeds, step)
         assert found[0] == expected[0] == NO_FAILURE
         assert found[1] == pytest.approx(expected[1], rel=1e-6, abs=1e-13)
-        assert np.abs(found[1][4]).max() > 1e-6  # it touches the wall
+        assert np.abs(found[1][4]).max() > 1e-6  # contact with the wall
 
 
-def test_march_without_a_way_on_says_at_which_step(default: ModelParameters) -> None:
+def test_failed_integration_returns_the_index_of_the_step(default: ModelParameters) -> None:
     system = ModalSystem.of(default)
     dry = replace(system, films=system.films._replace(inner_factor=1e-12, outer_factor=1e-12))
     expected = run(integrate, dry, np.full(400, 10.0), 1e-3)
@@ -73,7 +73,7 @@ def test_march_without_a_way_on_says_at_which_step(default: ModelParameters) -> 
     assert found[0] == expected[0]
 
 
-def test_nothing_is_compiled_when_the_kernel_is_imported() -> None:
+def test_nothing_is_compiled_on_import() -> None:
     # in a fresh interpreter: this one has compiled already
     code = (
         "import model.dynamics.newmark as k, model.dynamics.condensed as c; "
@@ -84,9 +84,9 @@ def test_nothing_is_compiled_when_the_kernel_is_imported() -> None:
     assert shown.stdout.strip() == "[0, 0, 0, 0]"
 
 
-def test_function_that_cannot_be_kept_on_disk_is_compiled_all_the_same() -> None:
+def test_function_without_cache_is_compiled() -> None:
     names: dict[str, Callable[[float], float]] = {}
-    exec("def double(x):\n    return 2 * x", names)  # noqa: S102  # a function without a file has nowhere to be kept
+    exec("def double(x):\n    return 2 * x", names)  # noqa: S102  # a function without a file cannot be cached
     double = Compiler().compiled(names["double"])
     assert double is not names["double"]
     assert double(1.5) == 3.0

@@ -12,7 +12,7 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 
 
-def test_without_weight_growth_and_order_are_those_of_the_turning_frame(default: ModelParameters) -> None:
+def test_growth_and_order_without_weight_are_those_of_the_rotating_frame(default: ModelParameters) -> None:
     parameters = replace(default, gravity=0.0)
     for speed in (500.0, 1900.0):
         turning = synchronous_response(parameters, speed)
@@ -21,13 +21,13 @@ def test_without_weight_growth_and_order_are_those_of_the_turning_frame(default:
         assert floquet.whirl_order == pytest.approx(turning.whirl_order, abs=0.002)
 
 
-def test_orbit_repeats_itself_though_it_is_unstable(default: ModelParameters) -> None:
+def test_unstable_orbit_is_periodic(default: ModelParameters) -> None:
     orbit = synchronous_orbit(default, 1900.0)
     assert orbit.growth_rate > 10
     motion = ShaftMotion(default, 1900.0, 1)
     motion.set_initial_state(orbit.initial_state)
     first, second = np.split(motion.integrate_turns(2), 2, axis=1)
-    assert np.abs(first - second)[:, 1:].max() < 1e-12  # where it stands is exact from the first step on
+    assert np.abs(first - second)[:, 1:].max() < 1e-12  # the state is exact from the first step on
 
 
 def test_disturbance_grows_at_its_rate(default: ModelParameters) -> None:
@@ -41,23 +41,23 @@ def test_disturbance_grows_at_its_rate(default: ModelParameters) -> None:
     assert growth == pytest.approx(orbit.growth_rate, rel=0.1)
 
 
-def test_weight_steadies_the_shaft_at_low_speed(default: ModelParameters) -> None:
+def test_weight_stabilises_the_shaft_at_low_speed(default: ModelParameters) -> None:
     assert synchronous_orbit(default, 400.0).growth_rate < -1
     assert synchronous_orbit(replace(default, gravity=0.0), 400.0).growth_rate > 0
 
 
-def test_neighbouring_speed_leads_to_the_same_orbit(default: ModelParameters) -> None:
-    begun = synchronous_orbit(default, 1000.0)
-    assert synchronous_orbit(default, 1030.0, begun).growth_rate == pytest.approx(
+def test_start_from_a_neighbouring_speed_gives_the_same_orbit(default: ModelParameters) -> None:
+    start = synchronous_orbit(default, 1000.0)
+    assert synchronous_orbit(default, 1030.0, start).growth_rate == pytest.approx(
         synchronous_orbit(default, 1030.0).growth_rate, abs=0.02
     )
 
 
-def test_shaft_that_does_not_turn_is_refused(default: ModelParameters) -> None:
+def test_orbit_at_speed_zero_is_refused(default: ModelParameters) -> None:
     with pytest.raises(ValueError, match="speed: 0 rad/s"):
         synchronous_orbit(default, 0.0)
 
 
-def test_orbit_that_cannot_be_reached_is_said_to_be_missing() -> None:
+def test_orbit_larger_than_the_clearance_is_an_error() -> None:
     with pytest.raises(ModelError, match=r"synchronous motion at 10\.0 rad/s: none found"):
         synchronous_orbit(gj90c(viscosity=1e-7), 10.0)

@@ -1,4 +1,4 @@
-"""Which film whirls: by eigenvectors with and without weight, and by the integrated motion of journals and rings."""
+"""Assignment of whirl to a film: by eigenvectors with and without weight, and by the integrated motion."""
 
 import math
 from dataclasses import replace
@@ -20,28 +20,28 @@ SPEEDS = np.array([1000.0, 1100.0])
 
 @pytest.mark.parametrize("order", [0.7, 0.2, -0.62, 1.3])
 @pytest.mark.parametrize("growth", [0.0, -0.3, 0.05])
-def test_order_of_a_circle_is_known_with_its_sense_and_beyond_one(order: float, growth: float) -> None:
+def test_order_of_a_circle_has_its_direction_also_above_one(order: float, growth: float) -> None:
     theta = 2 * math.pi * np.arange(1, 65) / 64
     sense = 1 if order > 0 else -1
-    # Re of it is x = cos, y = ± sin; beside it half as large an ellipse's other part, a whole order off
+    # the real part is x = cos, y = ± sin, plus a component of half the size, one order away
     x = np.exp((growth + 1j * abs(order)) * theta)
     other = 0.3 * np.exp((growth + 1j * (abs(order) + 2)) * theta)
     sizes = np.array([0.3, 0.4, 0.0, 0.1])
     films = sizes[:, None, None] * np.stack((x + other, -1j * sense * x + 1j * sense * other))
-    turned = (abs(order) + 0.5) % 1 - 0.5  # an eigenvalue knows it to whole orders only
+    turned = (abs(order) + 0.5) % 1 - 0.5  # an eigenvalue gives the order modulo 1 only
     found, share = order_and_share(films, complex(growth, turned))
     assert found == pytest.approx(order, abs=1e-12)
     assert share == pytest.approx(0.5 / 0.6)
 
 
-def test_share_of_a_motion_in_no_film_is_neither() -> None:
+def test_share_without_motion_is_one_half() -> None:
     shares = inner_shares(np.array([[3.0, 0.0, 0.0], [4.0, 0.0, 1.0], [0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]))
     assert shares.tolist() == [0.5, 0.5, 1.0]
     assert Whirl(1.0, 0.7, 0.9).film is INNER
     assert Whirl(1.0, 0.2, 0.02).film is OUTER
 
 
-def test_both_films_whirls_without_weight_are_those_of_the_turning_frame(default: ModelParameters) -> None:
+def test_whirls_without_weight_are_those_of_the_rotating_frame(default: ModelParameters) -> None:
     parameters = replace(default, gravity=0.0)
     for speed in (1000.0, 1900.0):
         turning, floquet = synchronous_response(parameters, speed).whirls, synchronous_orbit(parameters, speed).whirls
@@ -52,7 +52,7 @@ def test_both_films_whirls_without_weight_are_those_of_the_turning_frame(default
             assert one.growth_rate == pytest.approx(other.growth_rate, rel=0.02, abs=0.05)
 
 
-def test_films_move_in_time_as_the_eigenvector_says(default: ModelParameters) -> None:
+def test_inner_share_in_time_equals_that_of_the_eigenvector(default: ModelParameters) -> None:
     for speed, film in ((1000.0, INNER), (1700.0, OUTER)):
         whirl = synchronous_orbit(default, speed).whirls[0]
         assert whirl.film is film
@@ -64,18 +64,18 @@ def test_films_move_in_time_as_the_eigenvector_says(default: ModelParameters) ->
         assert inner / (inner + outer) == pytest.approx(whirl.inner_share, abs=0.02)
 
 
-def test_films_are_told_apart_whatever_their_orders() -> None:
+def test_films_are_distinguished_independently_of_the_orders() -> None:
     # a thin ring turns at 0.795 of the shaft's speed; half the speeds of the surfaces are 0.40 and 0.90
     quick = replace(gj90c(), gravity=0.0)
     quick = replace(quick, bearing=replace(quick.floating_ring, ring_outer_radius=5.05e-3))
     ring = quick.floating_ring.ring_speed_ratio
     orders = {whirl.film: whirl.order for whirl in synchronous_response(quick, 300.0).whirls}
     assert orders[INNER] == pytest.approx((1 + ring) / 2, abs=0.005)
-    assert orders[OUTER] == pytest.approx(ring / 2, abs=0.035)  # it grows fast, and the slower for it
+    assert orders[OUTER] == pytest.approx(ring / 2, abs=0.035)  # it grows fast
 
 
 def _run_up(*lines: tuple[float, float, float]) -> RunUp:
-    """Return a run-up whose films show lines of an order, and of a size in the inner and in the outer one."""
+    """Return a run-up with given lines: order, and amplitude in the inner and in the outer film."""
     orders = np.arange(0.0, 3.0, 1 / 64)
     films, spectrum = np.full((2, 2, orders.size), 1e-9), np.full((2, orders.size), 1e-12)
     for order, inner, outer in lines:
@@ -86,9 +86,9 @@ def _run_up(*lines: tuple[float, float, float]) -> RunUp:
     return RunUp(SPEEDS, orders, spectrum, still, np.zeros(2), still, films)
 
 
-def test_combination_with_1x_is_no_films_whirl() -> None:
+def test_combination_with_1x_is_no_whirl() -> None:
     inner_alone = _run_up((1.0, 0.02, 0.03), (0.703, 0.46, 0.09), (0.297, 0.001, 0.02), (0.1875, 0.001, 0.005))
-    # 1X less the whirl, three times 1X less four times the whirl
+    # 1X minus the whirl; three times 1X minus four times the whirl
     assert inner_alone.onset(INNER) == 1000.0
     assert math.isnan(inner_alone.onset(OUTER))
     outer_alone = _run_up((1.0, 0.02, 0.03), (0.203, 0.01, 0.72), (0.594, 0.005, 0.01), (0.797, 0.02, 0.015))
@@ -100,14 +100,14 @@ def test_combination_with_1x_is_no_films_whirl() -> None:
     assert [both.end(film) for film in FilmName] == [1100.0, 1100.0]
 
 
-def test_large_whirl_counts_though_it_stands_where_a_combination_would() -> None:
-    # 0.75X and 0.25X of a ring at half the shaft's speed are each other's combinations
+def test_large_component_at_a_combination_order_is_a_whirl() -> None:
+    # with a ring at half the shaft speed, 0.75X and 0.25X are combinations of each other
     both = _run_up((1.0, 0.02, 0.03), (0.75, 0.4, 0.08), (0.25, 0.001, 0.2))
     assert [both.onset(film) for film in FilmName] == [1000.0, 1000.0]
     assert np.abs(combinations(0.75) - 0.25).min() < 1e-12
 
 
-def test_whirl_is_unknown_where_the_motion_reached_the_wall() -> None:
+def test_whirl_is_nan_after_wall_contact() -> None:
     found = _run_up((1.0, 0.02, 0.03), (0.703, 0.46, 0.09))
     films, spectrum = found.films.copy(), found.spectrum.copy()
     films[0], spectrum[0] = np.nan, np.nan

@@ -1,4 +1,4 @@
-"""The eight linear coefficients: closed forms, differentiation and perturbation against one another."""
+"""The eight linear coefficients: closed forms, differentiation and perturbation agree."""
 
 import math
 
@@ -47,7 +47,7 @@ def closed(eccentricity: float) -> LinearCoefficients:
         (0.9, (1.7294, -1.4213, -7.2637, 19.0955), (0.6869, -1.8059, 10.9978)),
     ],
 )
-def test_closed_forms_have_their_tabled_values(
+def test_closed_forms_have_the_tabulated_values(
     eccentricity: float, stiffness: tuple[float, ...], damping: tuple[float, float, float]
 ) -> None:
     a, b = short_film_ratios(eccentricity)
@@ -66,11 +66,11 @@ def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentric
 
 
 @pytest.mark.parametrize("eccentricity", ECCENTRICITIES)
-def test_perturbation_without_flow_around_has_the_coefficients_of_the_closed_forms(eccentricity: float) -> None:
+def test_perturbation_with_axial_flow_only_has_the_coefficients_of_the_closed_forms(eccentricity: float) -> None:
     expected = closed(eccentricity)
     around = 32768
     thickest = float(np.angle(expected.position)) + math.pi
-    grid = Grid(around, 2, first_angle=thickest + math.pi / around)  # the film's ends fall between places
+    grid = Grid(around, 2, first_angle=thickest + math.pi / around)  # the ends of the film are between nodes
     found = perturbed_coefficients(FILM, expected.position, SPEED, grid, Flow.AXIAL)
     assert found.force == pytest.approx(expected.force, rel=1e-6)
     assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
@@ -98,11 +98,11 @@ def test_perturbation_of_a_finite_film_equals_differences_of_its_solution(slende
 
 
 def printed_perturbation(film: Film, position: complex, grid: Grid) -> tuple[FloatArray, FloatArray]:
-    """Stiffness and damping from (4.24)-(4.27) as the thesis writes them, put right and with the axial flow kept."""
+    """Stiffness and damping from (4.24)-(4.27) of the thesis, corrected and with the axial flow."""
     rest = solve_reynolds(film, position, 0j, SPEED, grid)
     unit = pressure_unit(film)
     p = rest.pressure[:-1] / unit
-    psi = grid.angles - math.pi / 2  # the thesis counts from +Y
+    psi = grid.angles - math.pi / 2  # the thesis measures from +Y
     z = position / film.clearance
     h = 1 - (z * np.exp(-1j * grid.angles)).real
     slope = (1j * z * np.exp(-1j * grid.angles)).real
@@ -142,7 +142,7 @@ def test_perturbed_equations_of_the_thesis_converge_to_the_same_coefficients() -
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
 
 
-def test_short_films_load_and_attitude_are_those_of_its_force() -> None:
+def test_load_and_attitude_of_the_short_film_are_those_of_its_force() -> None:
     for eccentricity in ECCENTRICITIES:
         angle = short_film_attitude(eccentricity) - math.pi / 2
         force = FILM.force(eccentricity * FILM.clearance * np.exp(1j * angle), 0j, SPEED)
@@ -151,20 +151,20 @@ def test_short_films_load_and_attitude_are_those_of_its_force() -> None:
 
 
 @pytest.mark.parametrize("load", [1e-6, 1.0, 1e4])
-def test_short_film_is_found_under_any_load(load: float) -> None:
+def test_short_film_equilibrium_is_found_under_any_load(load: float) -> None:
     found = short_film_coefficients(FILM, load, SPEED)
     assert FILM.force(found.position, 0j, SPEED) == pytest.approx(1j * load, rel=1e-8)
 
 
 @pytest.mark.parametrize("load", [0.01, 10.0, 300.0])
-def test_finite_film_is_found_where_it_balances_its_load(load: float) -> None:
+def test_finite_film_equilibrium_balances_its_load(load: float) -> None:
     grid = Grid(96, 8)
     found = finite_film_equilibrium(FILM, load, SPEED, grid)
     assert solve_reynolds(FILM, found.position, 0j, SPEED, grid).force == pytest.approx(1j * load, rel=1e-8)
     assert abs(found.position) > abs(short_film_coefficients(FILM, load, SPEED).position)  # it carries less
 
 
-def test_films_of_a_floating_ring_carry_load_and_ring_with_the_ring_at_its_own_speed() -> None:
+def test_floating_ring_coefficients_use_ring_weight_and_ring_speed() -> None:
     bearing = table_3_1()
     inner, outer = floating_ring_coefficients(bearing, 10.0, 1000.0)
     films = bearing_films(bearing)
@@ -172,7 +172,7 @@ def test_films_of_a_floating_ring_carry_load_and_ring_with_the_ring_at_its_own_s
     assert films.outer.force(outer.position, 0j, 593.12) == pytest.approx(10.196j, rel=1e-4)
 
 
-def test_films_in_series_give_way_as_two_springs_and_as_a_ring_that_is_free_or_stuck() -> None:
+def test_series_impedance_has_its_limits_for_springs_and_for_a_fixed_or_free_ring() -> None:
     def spring(stiffness: float) -> LinearCoefficients:
         return LinearCoefficients(0j, 0j, stiffness * np.eye(2), np.zeros((2, 2)))
 
@@ -181,20 +181,20 @@ def test_films_in_series_give_way_as_two_springs_and_as_a_ring_that_is_free_or_s
     assert series_impedance(spring(1e6), spring(0.0), 0.02, 10.0) == pytest.approx(-2 * np.eye(2), rel=1e-4)  # -m w²
 
 
-def test_impedance_joins_stiffness_and_damping() -> None:
+def test_impedance_combines_stiffness_and_damping() -> None:
     found = closed(0.4)
     expected: NDArray[np.complex128] = found.stiffness + 250j * found.damping
     assert found.impedance(250.0) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 1.0, -0.5, math.nan])
-def test_closed_forms_name_an_eccentricity_outside_their_range(eccentricity: float) -> None:
+def test_closed_forms_refuse_an_eccentricity_outside_their_range(eccentricity: float) -> None:
     for function in (short_film_ratios, short_film_load, short_film_attitude):
         with pytest.raises(ValueError, match="eccentricity"):
             function(eccentricity)
 
 
-def test_short_film_names_what_it_cannot_take() -> None:
+def test_short_film_coefficients_refuse_invalid_values() -> None:
     with pytest.raises(ValueError, match="load: 0 N, expected"):
         short_film_coefficients(FILM, 0.0, SPEED)
     with pytest.raises(ValueError, match="surface_speed: -1 rad/s, expected"):
@@ -203,26 +203,26 @@ def test_short_film_names_what_it_cannot_take() -> None:
         short_film_coefficients(FILM, 1e30, SPEED)
 
 
-def test_differentiation_names_what_it_cannot_take() -> None:
+def test_differentiated_coefficients_refuse_invalid_values() -> None:
     with pytest.raises(ValueError, match="eccentricity: 0 of the clearance"):
         differentiated_coefficients(FILM, 0j, SPEED)
     with pytest.raises(ValueError, match="surface_speed: 0 rad/s"):
         differentiated_coefficients(FILM, 1e-5 + 0j, 0.0)
 
 
-def test_finite_film_names_a_load_that_its_grid_cannot_resolve() -> None:
+def test_finite_film_equilibrium_refuses_a_load_that_its_grid_cannot_resolve() -> None:
     with pytest.raises(ValueError, match=r"around: 48 nodes, expected at least \d+ to resolve the film"):
         finite_film_equilibrium(FILM, 1e5, SPEED, Grid(48, 4))
 
 
-def test_finite_film_tells_of_an_equilibrium_that_does_not_settle() -> None:
+def test_finite_film_equilibrium_without_convergence_is_an_error() -> None:
     with pytest.raises(
         EquilibriumError, match=r"load: 300 N is not balanced after 2 steps .* expected at most 3e-07 N"
     ):
         finite_film_equilibrium(FILM, 300.0, SPEED, Grid(96, 8), max_steps=2)
 
 
-def test_perturbation_of_a_film_whose_surfaces_stand_has_no_coefficients() -> None:
+def test_perturbation_without_rotation_has_no_coefficients() -> None:
     found = perturbed_coefficients(FILM, 0.5 * FILM.clearance + 0j, 0.0, Grid(48, 4))
     assert found.force == 0
     assert not np.any(found.stiffness)

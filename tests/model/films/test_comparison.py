@@ -1,4 +1,4 @@
-"""One film by all the models."""
+"""Comparison of the film models."""
 
 import math
 
@@ -16,7 +16,7 @@ SPEED = 1000.0
 RATIOS = (0.1, 0.3, 0.6, 0.8)
 
 
-def test_study_has_the_short_films_closed_forms() -> None:
+def test_comparison_has_the_closed_forms_of_the_short_film() -> None:
     study = compare_film_models(FILM, SPEED, RATIOS, Grid(96, 8))
     for ratio, load, attitude, found in zip(
         RATIOS, study.short_load, study.short_attitude, study.short_coefficients, strict=True
@@ -28,7 +28,7 @@ def test_study_has_the_short_films_closed_forms() -> None:
         assert found.damping == pytest.approx(expected.damping, rel=1e-7)
 
 
-def test_study_has_the_finite_films_equilibrium_under_the_same_load() -> None:
+def test_comparison_has_the_equilibrium_of_the_finite_film() -> None:
     grid = Grid(192, 8)
     study = compare_film_models(FILM, SPEED, RATIOS, grid)
     for ratio, load, attitude, found in zip(
@@ -47,7 +47,7 @@ def test_film_of_length_over_diameter_one_carries_less_than_both_ideal_films() -
     assert np.all(study.finite_load < study.long_load)
 
 
-def test_ideal_films_enclose_the_finite_one_at_their_ends() -> None:
+def test_ideal_films_are_the_limits_of_the_finite_film() -> None:
     short = Film(radius=5e-3, length=0.5e-3, clearance=20e-6, viscosity=0.015)
     study = compare_film_models(short, SPEED, RATIOS, Grid(360, 4))
     assert study.finite_load == pytest.approx(study.short_load, rel=0.03)
@@ -55,7 +55,7 @@ def test_ideal_films_enclose_the_finite_one_at_their_ends() -> None:
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
-def test_long_film_from_its_thickest_place_has_the_printed_force(ratio: float) -> None:
+def test_long_film_from_the_thickest_position_has_the_printed_force(ratio: float) -> None:
     film = film_from_thickest(ratio)
     assert film.start == pytest.approx(0, abs=1e-12)
     bracket = math.sin(film.end) - film.end * math.cos(film.end)
@@ -64,7 +64,7 @@ def test_long_film_from_its_thickest_place_has_the_printed_force(ratio: float) -
     assert film.force == pytest.approx((along, across), rel=1e-9)
 
 
-def test_study_names_what_it_cannot_take() -> None:
+def test_comparison_refuses_invalid_values() -> None:
     with pytest.raises(ValueError, match="surface_speed: 0 rad/s"):
         compare_film_models(FILM, 0.0, RATIOS, Grid())
     with pytest.raises(ValueError, match="eccentricity: 1 of the clearance"):

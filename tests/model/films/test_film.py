@@ -15,17 +15,17 @@ UNIT = Film(radius=1.0, length=1.0, clearance=1.0, viscosity=1.0)
 def quadrature(position: complex, velocity: complex, surface_speed: float) -> complex:
     """Force of the positive half of the short film's pressure on the inner body, in UNIT's film.
 
-    With h = 1 - x cos t - y sin t Reynolds' equation along the axis alone gives, integrated over the length,
-    -mu L³ / h³ (w/2 dh/dt + squeeze) = -mu L³ / (2 h³) (A sin t - B cos t). Gauss and Legendre's rule on the half in
-    which that is positive, in the variable in which 1/h³ is smooth (Sommerfeld's).
+    With h = 1 - x cos t - y sin t the Reynolds equation for axial flow gives, integrated over the length,
+    -mu L³ / h³ (w/2 dh/dt + squeeze) = -mu L³ / (2 h³) (A sin t - B cos t). Gauss-Legendre quadrature on the half in
+    which this is positive, in the Sommerfeld variable, in which 1/h³ is smooth.
     """
     x, y = position.real, position.imag
     A = surface_speed * x - 2 * velocity.imag
     B = surface_speed * y + 2 * velocity.real
-    start = math.atan2(B, A) + math.pi  # A sin t - B cos t is negative from there, half round
+    start = math.atan2(B, A) + math.pi  # A sin t - B cos t is negative over half a turn from here
     nodes, weights = NODES
     e, towards = abs(position), math.atan2(y, x)
-    # u = t - pi - towards counts from the thickest place, h = 1 + e cos u; tan(f/2) = sqrt((1 - e)/(1 + e)) tan(u/2)
+    # u = t - pi - towards from the thickest position, h = 1 + e cos u; tan(f/2) = sqrt((1 - e)/(1 + e)) tan(u/2)
     root = math.sqrt(1 - e * e)
 
     def spread(u: float) -> float:
@@ -67,7 +67,7 @@ def test_capone_force_is_the_integral_of_the_films_positive_pressure() -> None:
 
 
 def test_printed_force_term_is_not_the_integral() -> None:
-    # The thesis prints F = q / (1 - x² - y²); this state tells the two apart.
+    # The thesis prints F = q / (1 - x² - y²); this state distinguishes the two.
     position, velocity = 0.5 + 0.3j, -0.8 + 0.4j
     x, y = position.real, position.imag
     A, B = x - 2 * velocity.imag, y + 2 * velocity.real
@@ -80,7 +80,7 @@ def test_printed_force_term_is_not_the_integral() -> None:
     assert abs(printed - expected) > 0.01 * abs(expected)
 
 
-def test_film_turns_with_its_state() -> None:
+def test_film_force_rotates_with_the_state() -> None:
     turn = np.exp(0.7j)
     for position, velocity, surface_speed in random_states(20):
         turned = UNIT.force(complex(position * turn), complex(velocity * turn), surface_speed)
@@ -119,7 +119,7 @@ def test_linear_coefficients_are_the_short_bearings_closed_forms(
     assert (c_xx, c_xy, c_yy) == pytest.approx(damping, rel=2e-4, abs=2e-4)
 
 
-def test_film_at_rest_pushes_nothing() -> None:
+def test_film_without_motion_has_no_force() -> None:
     assert UNIT.force(0.3 + 0.2j, 0j, 0.0) == 0
     assert UNIT.force(0j, 0j, 1.0) == 0
 
@@ -140,16 +140,16 @@ def test_position_at_or_beyond_the_wall_is_refused(position: complex) -> None:
 
 
 @pytest.mark.parametrize("name", ["radius", "length", "clearance", "viscosity"])
-def test_film_without_size_is_refused(name: str) -> None:
+def test_film_refuses_a_size_that_is_not_positive(name: str) -> None:
     sizes = {"radius": 5e-3, "length": 10e-3, "clearance": 20e-6, "viscosity": 0.015, name: 0.0}
     with pytest.raises(ValueError, match=f"{name}: 0 "):
         Film(**sizes)
 
 
-def test_ring_lies_between_two_films_in_series() -> None:
+def test_bearing_films_of_a_ring_are_in_series() -> None:
     pair = bearing_films(gj90c().floating_ring)
     assert pair.outer.radius == 9e-3
     assert pair.inner.clearance == 20e-6
-    # centred whirl at half the sum of the surfaces' speeds: 0.70X inside, 0.20X outside
+    # centred whirl at half the sum of the surface speeds: 0.70X inner film, 0.20X outer film
     assert pair.inner_speed / 2 == pytest.approx(0.704, abs=1e-3)
     assert pair.outer_speed / 2 == pytest.approx(0.203, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Loads at rest in the motion on the films, and the motion at any station."""
+"""Constant loads in the motion on the films, and the motion at all stations."""
 
 from dataclasses import replace
 
@@ -13,42 +13,42 @@ from model.rotor.supports import StaticLoad, Support, SupportCoefficients
 
 
 def place(parameters: ModelParameters) -> complex:
-    """Mean place of the shaft at the probes' station when it has settled, m."""
+    """Mean position of the settled shaft at the station of the probes, m."""
     x, y = ShaftMotion(parameters, 500.0, 80).integrate_turns(8).mean(axis=1)
     return complex(x, y)
 
 
-def test_load_on_the_shaft_is_weight_by_another_name() -> None:
+def test_load_on_the_shaft_acts_as_weight() -> None:
     heavy = gj90c()
-    # weight's force on every station, without that on the rings
+    # the weight of every station, but not of the rings
     loads = tuple(StaticLoad(disc.station, 0.0, -disc.mass * heavy.gravity) for disc in heavy.rotor.discs)
     pushed = replace(heavy, gravity=0.0, loads=loads)
     assert ModalSystem.of(pushed).shaft.weight == pytest.approx(ModalSystem.of(heavy).shaft.weight, rel=1e-12)
 
 
-def test_load_on_the_rings_is_as_much_weight_of_theirs() -> None:
+def test_load_on_the_rings_acts_as_ring_weight() -> None:
     bearing = gj90c().floating_ring
     pressed = replace(gj90c(), bearing=replace(bearing, static_load=bearing.ring_mass * 9.80665))
     assert ModalSystem.of(pressed).rings.gravity == pytest.approx(2 * 9.80665)
     assert abs(place(pressed)) > 1.2 * abs(place(gj90c()))
 
 
-def test_each_station_shows_its_own_part_of_one_motion() -> None:
+def test_each_station_has_its_own_displacement_of_one_motion() -> None:
     paths = [
         ShaftMotion(replace(gj90c(), probe_station=station), 900.0, 40).integrate_turns(2) for station in (2, 3, 4)
     ]
-    # the shaft is stiff: the middle bearing's motion lies between its neighbours', by the distances 25 and 30 mm
+    # the shaft is stiff: the motion of station 3 is interpolated between its neighbours at 25 and 30 mm
     straight = (30 * paths[0] + 25 * paths[2]) / 55
     assert np.abs(paths[1] - straight).max() < 0.05 * np.ptp(paths[1])
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"loads": (StaticLoad(7, 0.0, -1.0),)}, "load: station 7, expected 1 to 6"),
         ({"supports": (Support(0, SupportCoefficients.isotropic(1e5)),)}, "support: station 0, expected 1 to 6"),
     ],
 )
-def test_load_or_support_at_no_station_is_refused(changes: dict[str, object], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_load_or_support_at_no_station_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         replace(gj90c(), **changes)  # type: ignore[arg-type]  # wrong on purpose

@@ -1,4 +1,4 @@
-"""The infinitely long film's closed forms against quadrature of the equation they solve."""
+"""Closed forms of the infinitely long film against quadrature."""
 
 import math
 from collections.abc import Callable
@@ -48,7 +48,7 @@ def pressure_of(film: LongFilm) -> Function:
     return lambda theta: film.rise(sommerfeld_angle(theta, film.eccentricity))
 
 
-def test_sommerfeld_angle_and_its_inverse_meet_on_every_turn() -> None:
+def test_bearing_angle_inverts_sommerfeld_angle_in_every_revolution() -> None:
     theta = np.linspace(-9.0, 9.0, 201)
     phi = sommerfeld_angle(theta, 0.6)
     assert (1 + 0.6 * np.cos(theta)) * (1 - 0.6 * np.cos(phi)) == pytest.approx(np.full(201, 1 - 0.36), rel=1e-13)
@@ -65,7 +65,7 @@ def test_sommerfeld_integrals_equal_quadrature() -> None:
         assert float(one) == pytest.approx(expected_one, rel=1e-9)
 
 
-def test_pressure_equals_quadrature_of_its_slope_in_200_random_films() -> None:
+def test_pressure_equals_quadrature_of_its_gradient_in_200_random_films() -> None:
     for eccentricity, extent in random_cases(200):
         film = ruptured_film(eccentricity, extent)
         start, end = bearing_angle([film.start, film.end], eccentricity)
@@ -103,7 +103,7 @@ def test_force_equals_quadrature_of_the_pressure_in_200_random_films() -> None:
         assert film.force == pytest.approx((along, across), rel=1e-9, abs=1e-9 * film.load)
 
 
-def test_force_across_equals_the_generalised_form_for_films_without_pressure_at_their_ends() -> None:
+def test_tangential_force_equals_the_generalised_form() -> None:
     for eccentricity, extent in random_cases(50):
         film = ruptured_film(eccentricity, extent)
         e, s = film.end, film.start
@@ -113,7 +113,7 @@ def test_force_across_equals_the_generalised_form_for_films_without_pressure_at_
 
 
 @pytest.mark.parametrize("eccentricity", [0.01, 0.3, 0.9])
-def test_complete_film_is_where_a_growing_ruptured_film_closes(eccentricity: float) -> None:
+def test_complete_film_is_the_limit_of_the_ruptured_film(eccentricity: float) -> None:
     complete, nearly = complete_film(eccentricity), ruptured_film(eccentricity, 1 - 1e-12)
     assert complete.end - complete.start == pytest.approx(2 * math.pi)
     assert nearly.start == pytest.approx(complete.start, abs=1e-4)
@@ -124,12 +124,12 @@ def test_complete_film_is_where_a_growing_ruptured_film_closes(eccentricity: flo
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 1.0, 1.2, -0.1, math.nan])
-def test_ruptured_film_names_an_eccentricity_that_reaches_the_wall(eccentricity: float) -> None:
+def test_ruptured_film_refuses_an_eccentricity_at_the_wall(eccentricity: float) -> None:
     with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected above 0 and below 1"):
         ruptured_film(eccentricity, 0.5)
 
 
 @pytest.mark.parametrize("extent", [0.0, -1.0, 1.01, math.nan])
-def test_ruptured_film_names_an_extent_outside_its_range(extent: float) -> None:
+def test_ruptured_film_refuses_an_extent_outside_its_range(extent: float) -> None:
     with pytest.raises(ValueError, match="extent"):
         ruptured_film(0.5, extent)

@@ -1,4 +1,4 @@
-"""Equilibrium of journal and ring, and the flow through the ring's holes."""
+"""Equilibrium of journal and ring, and oil flow through the holes of the ring."""
 
 import math
 from dataclasses import replace
@@ -39,7 +39,7 @@ def test_pressures_of_both_films_balance_their_loads(
         assert np.min(pressure) >= 0
 
 
-def test_films_balance_and_meet_their_inlet_pressure_at_300_random_loads() -> None:
+def test_equilibria_have_load_and_inlet_pressure_at_300_random_loads() -> None:
     rng = np.random.default_rng(11)
     psi = np.linspace(0, TURN, 18000, endpoint=False)
     found = 0
@@ -60,7 +60,7 @@ def test_films_balance_and_meet_their_inlet_pressure_at_300_random_loads() -> No
     assert found > 200
 
 
-def test_outer_film_has_the_inlet_pressure_at_the_top_and_the_inner_film_none() -> None:
+def test_pressure_at_the_top_is_the_inlet_pressure_outside_and_zero_inside() -> None:
     for speed in (500.0, 3000.0, 9000.0):  # ruptured and complete
         rest = thesis_like_lubrication().equilibrium(20.0, speed, 2e5)
         assert float(rest.outer.pressure(0.0)) == pytest.approx(2e5, rel=1e-8)
@@ -68,7 +68,7 @@ def test_outer_film_has_the_inlet_pressure_at_the_top_and_the_inner_film_none() 
         assert float(rest.inner.pressure(0.0)) == pytest.approx(0.0, abs=1e-3)
 
 
-def test_pressure_is_none_between_rupture_and_reformation_and_not_elsewhere() -> None:
+def test_pressure_is_zero_exactly_between_rupture_and_reformation() -> None:
     film = thesis_like_lubrication().equilibrium(30.0, 3000.0, 2e5).outer
     assert film.rupture is not None
     assert film.reformation is not None
@@ -79,7 +79,7 @@ def test_pressure_is_none_between_rupture_and_reformation_and_not_elsewhere() ->
 
 
 @pytest.mark.parametrize("load", [10.0, 20.0, 30.0])
-def test_outer_film_closes_without_a_jump_at_the_speed_named(load: float) -> None:
+def test_outer_film_is_continuous_at_the_cavity_free_speed(load: float) -> None:
     lubrication = thesis_like_lubrication()
     threshold = lubrication.cavity_free_speed(load, 1e5)
     below = lubrication.equilibrium(load, threshold * (1 - 1e-6), 1e5).outer
@@ -99,7 +99,7 @@ def test_complete_film_has_neither_rupture_nor_reformation() -> None:
     assert film.attitude == pytest.approx(math.pi / 2)
 
 
-def test_inner_film_does_not_feel_the_inlet_pressure() -> None:
+def test_inner_film_does_not_depend_on_the_inlet_pressure() -> None:
     low, high = (thesis_like_lubrication().equilibrium(20.0, 2000.0, pressure).inner for pressure in (1e5, 3e5))
     assert low == high
 
@@ -113,7 +113,7 @@ def test_flow_repeats_every_sixty_degrees_of_the_ring() -> None:
     assert rest.mean_flow() == pytest.approx(float(np.mean(rest.flow(np.linspace(0, TURN, 7201)[:-1]))), rel=1e-3)
 
 
-def test_flow_of_one_hole_is_as_the_root_of_the_pressure_difference_and_turns_with_its_sign() -> None:
+def test_hole_flow_is_the_signed_root_of_the_pressure_difference() -> None:
     lubrication = replace(thesis_like_lubrication(), flow_scale=2.0)
     rest = lubrication.equilibrium(30.0, 3000.0, 2e5)
     holes = np.radians(10 + 60 * np.arange(6))
@@ -134,32 +134,30 @@ def test_flow_of_one_hole_is_as_the_root_of_the_pressure_difference_and_turns_wi
         (10.0, 1000.0, -1.0, r"inlet_pressure: -1 Pa, expected a finite value, 0 or more"),
     ],
 )
-def test_equilibrium_names_a_quantity_that_makes_no_sense(
-    load: float, speed: float, inlet_pressure: float, message: str
-) -> None:
+def test_equilibrium_refuses_invalid_values(load: float, speed: float, inlet_pressure: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         nominal_lubrication().equilibrium(load, speed, inlet_pressure)
 
 
 @pytest.mark.parametrize("load", [1e6, 1e12])
-def test_equilibrium_tells_of_a_load_that_presses_the_journal_against_the_wall(load: float) -> None:
+def test_load_that_presses_the_journal_against_the_wall_is_an_error(load: float) -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e\+\d+ N presses the body to .* of its clearance, expected"):
         nominal_lubrication().equilibrium(load, 1000.0, 1e5)
 
 
-def test_equilibrium_tells_of_a_load_too_small_to_resolve() -> None:
+def test_load_too_small_to_resolve_is_an_error() -> None:
     with pytest.raises(EquilibriumError, match=r"load: 1e-12 N displaces the body by less than"):
         nominal_lubrication().equilibrium(1e-12, 1000.0, 1e5)
 
 
-def test_equilibrium_tells_of_a_load_that_presses_nearer_to_the_wall_than_is_computed() -> None:
+def test_load_beyond_the_largest_eccentricity_is_an_error() -> None:
     with pytest.raises(
         EquilibriumError, match=r"presses the body to 0\.999\d+ of its clearance, expected .* within 0.999"
     ):
         film_equilibrium(400.0, 1e4, 5e-5, 0.0)
 
 
-def test_speed_of_closing_names_a_pressure_that_closes_no_film() -> None:
+def test_cavity_free_speed_refuses_a_pressure_without_complete_film() -> None:
     for pressure in (1e-12, 1e12):
         with pytest.raises(EquilibriumError, match=r"inlet_pressure: .* of the load per length and radius, expected"):
             nominal_lubrication().cavity_free_speed(10.0, pressure)
@@ -168,16 +166,16 @@ def test_speed_of_closing_names_a_pressure_that_closes_no_film() -> None:
 
 
 @pytest.mark.parametrize("name", ["load_factor", "inner_capacity_factor", "flow_scale"])
-def test_lubrication_names_a_calibration_that_is_not_positive(name: str) -> None:
+def test_lubrication_refuses_a_calibration_that_is_not_positive(name: str) -> None:
     with pytest.raises(ValueError, match=f"{name}: 0"):
         Lubrication(table_3_1(), **{name: 0.0})
 
 
-def test_lubrication_names_a_negative_gravity() -> None:
+def test_lubrication_refuses_negative_gravity() -> None:
     with pytest.raises(ValueError, match=r"gravity: -1 m/s²"):
         Lubrication(table_3_1(), gravity=-1.0)
 
 
-def test_film_equilibrium_names_a_size_that_is_not_positive() -> None:
+def test_film_equilibrium_refuses_a_size_that_is_not_positive() -> None:
     with pytest.raises(ValueError, match=r"area: 0 m²"):
         film_equilibrium(10.0, 1e6, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The short film's force laws against quadrature of its pressure and against each other."""
+"""Force laws of the short film against quadrature of the pressure and against each other."""
 
 import math
 from typing import NamedTuple
@@ -29,11 +29,11 @@ def random_states(count: int, largest: float = 0.9, spread: float = 0.3) -> Stat
 
 
 def integrated(position: complex, velocity: complex, speed: float) -> complex:
-    """Force from the pressure, by Gauss's rule along and, where the film carries, around."""
+    """Force by Gauss quadrature of the pressure over length and full-film half."""
     x, weight = np.polynomial.legendre.leggauss(16)
     A = speed * position.real - 2 * velocity.imag
     B = speed * position.imag + 2 * velocity.real
-    start = math.atan2(-B, -A)  # the carrying half begins where the film neither wedges nor closes
+    start = math.atan2(-B, -A)  # the full-film half starts where wedge and squeeze cancel
     edges = np.linspace(start, start + math.pi, 41)
     middle, half = (edges[1:] + edges[:-1]) / 2, (edges[1:] - edges[:-1]) / 2
     theta = middle[:, np.newaxis] + half[:, np.newaxis] * x
@@ -49,7 +49,7 @@ def test_exact_force_equals_quadrature_of_the_pressure_at_1000_random_states() -
     assert np.max(np.abs(force - expected) / np.abs(expected)) < 1e-9
 
 
-def test_no_pressure_lies_outside_the_half_that_the_quadrature_takes() -> None:
+def test_pressure_is_zero_outside_the_half_of_the_quadrature() -> None:
     for z, v in zip(*random_states(50), strict=True):
         start = math.atan2(-(SPEED * z.imag + 2 * v.real), -(SPEED * z.real - 2 * v.imag))
         outside = start - np.linspace(0.0, math.pi, 60)
@@ -74,7 +74,7 @@ def test_printed_force_equals_the_exact_one_at_rest_and_only_there() -> None:
     assert np.max(error) > 2
 
 
-def test_printed_force_departs_from_the_exact_one_in_the_second_order_of_the_velocity() -> None:
+def test_printed_force_differs_in_second_order_of_the_velocity() -> None:
     z, v = 0.5 * np.exp(0.4j), (0.7 - 0.4j) * SPEED
     errors = [
         abs(complex(capone_forces(z, s * v, SPEED) - capone_forces(z, s * v, SPEED, CaponeForm.AS_PRINTED)))
@@ -84,7 +84,7 @@ def test_printed_force_departs_from_the_exact_one_in_the_second_order_of_the_vel
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.05)
 
 
-def test_film_gives_either_force_in_newtons() -> None:
+def test_film_force_of_both_forms_is_in_newtons() -> None:
     z, v = 0.6 * np.exp(1j) * FILM.clearance, (3 + 2j) * 1e-3
     relative = z / FILM.clearance, v / FILM.clearance, SPEED
     assert FILM.force(z, v, SPEED) == pytest.approx(complex(FILM.factor * capone_forces(*relative)), rel=1e-12)
@@ -94,7 +94,7 @@ def test_film_gives_either_force_in_newtons() -> None:
 
 
 @pytest.mark.parametrize("form", list(CaponeForm))
-def test_force_is_none_where_nothing_moves_and_finite_where_the_surfaces_stand(form: CaponeForm) -> None:
+def test_force_is_zero_without_motion_and_finite_without_rotation(form: CaponeForm) -> None:
     assert complex(capone_forces(0.4, 0j, 0.0, form)) == 0
     assert complex(capone_forces(0j, 0j, SPEED, form)) == 0
     squeezed = complex(capone_forces(0.4, 100 + 0j, 0.0, form))
@@ -144,18 +144,18 @@ def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
 
 @pytest.mark.parametrize("half", list(LoadedHalf))
 @pytest.mark.parametrize("eccentricity", [1.0, 1.5, -0.1, math.nan])
-def test_polar_films_name_an_eccentricity_that_reaches_the_wall(half: LoadedHalf, eccentricity: float) -> None:
+def test_half_film_refuses_an_eccentricity_at_the_wall(half: LoadedHalf, eccentricity: float) -> None:
     with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected 0 or more and below 1"):
         half_film_force(eccentricity, 0.0, 0.0, SPEED, half)
 
 
-def test_capone_names_the_state_of_many_that_reaches_the_wall() -> None:
+def test_capone_forces_name_the_state_at_the_wall() -> None:
     with pytest.raises(ValueError, match=r"eccentricity: 1\.2 of the clearance"):
         capone_forces([0.1, 1.2j], 0j, SPEED)
 
 
 @pytest.mark.parametrize("form", list(CaponeForm))
-def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: CaponeForm) -> None:
+def test_forces_refuse_velocity_or_speed_that_is_not_finite(form: CaponeForm) -> None:
     with pytest.raises(ValueError, match=r"velocity: .*nan.* clearances/s, expected a finite value"):
         capone_forces(0.5, [0j, complex(math.nan, 0)], SPEED, form)
     with pytest.raises(ValueError, match="surface_speed: inf rad/s"):
@@ -166,6 +166,6 @@ def test_forces_name_a_velocity_or_speed_that_is_not_finite(form: CaponeForm) ->
         FILM.force(0j, complex(0, math.inf), SPEED, form)
 
 
-def test_pressure_names_a_position_at_the_wall() -> None:
+def test_pressure_refuses_a_position_at_the_wall() -> None:
     with pytest.raises(ValueError, match=r"eccentricity: 1 of the clearance"):
         short_film_pressure(1 + 0j, 0j, SPEED, 0.0, 0.0)

@@ -11,7 +11,7 @@ from model.rotor.parameters import Imbalance
 from model.rotor.supports import StaticLoad, Support, SupportCoefficients, equivalent_stiffness
 
 SPEEDS = np.arange(0.0, 8001.0, 500.0)
-NEARLY = SupportCoefficients(((1e4, 0.0), (0.0, 1e4 * (1 + 1e-12))))  # takes the general way
+NEARLY = SupportCoefficients(((1e4, 0.0), (0.0, 1e4 * (1 + 1e-12))))  # uses the general eigenproblem
 
 
 def on(coefficients: SupportCoefficients) -> LinearSystem:
@@ -52,7 +52,7 @@ def test_shapes_fulfil_the_equations_of_motion() -> None:
         assert alike == pytest.approx(1, abs=1e-4)
 
 
-def test_overdamped_modes_do_not_swing() -> None:
+def test_overdamped_modes_are_omitted() -> None:
     stiff_damper = on(SupportCoefficients.isotropic(1e5, 1e6))
     (modes,) = whirl_modes(stiff_damper, [0.0])
     assert modes.frequencies.size < 24
@@ -84,15 +84,15 @@ def test_ring_in_series_is_equation_5_11() -> None:
         assert singular[-1] / singular[0] < 1e-9
 
 
-def test_resonance_of_the_ring_has_no_stiffness() -> None:
+def test_equivalent_stiffness_at_the_ring_resonance_is_refused() -> None:
     with pytest.raises(ValueError, match=r"frequency: 200 rad/s, expected another than the ring's own resonance"):
         equivalent_stiffness(3e4, 1e4, 1.0, 200.0)
 
 
-def test_branches_are_followed_by_shape_where_frequencies_come_close(soft: LinearSystem) -> None:
+def test_branches_are_tracked_by_shape_through_crossings(soft: LinearSystem) -> None:
     found = campbell(soft, SPEEDS[::2], 10)
     hertz = found.frequencies / (2 * np.pi)
-    # the columns of Table 5.3: the conical mode rises through the other, which stays
+    # columns of Table 5.3: the conical mode rises and crosses the other one, which is constant
     rising = next(row for row in hertz if abs(row[0] - 20.4) < 0.1 and row[-1] > 0)
     level = next(row for row in hertz if abs(row[0] - 52.4) < 0.1 and row[-1] > 0)
     assert rising[-1] == pytest.approx(143.5, abs=0.1)
@@ -103,7 +103,7 @@ def test_branches_are_followed_by_shape_where_frequencies_come_close(soft: Linea
     assert np.isnan(found.sorted_frequencies(9, forward=False)[-1]).all()
 
 
-def test_branches_keep_apart_in_steps_in_which_they_exchange_their_shapes_slowly(soft: LinearSystem) -> None:
+def test_branches_veer_with_small_steps(soft: LinearSystem) -> None:
     low, high = (campbell(soft, np.linspace(0, 8000, 81), 4).frequencies / (2 * np.pi))[[1, 3]]
     assert low[[0, -1]] == pytest.approx([20.4, 52.2], abs=0.1)
     assert high[[0, -1]] == pytest.approx([52.4, 143.5], abs=0.1)
@@ -117,7 +117,7 @@ def test_equal_frequencies_are_numbered_by_their_slope_at_rest(soft: LinearSyste
     assert at_rest[::2] == pytest.approx(-at_rest[1::2], rel=1e-9)
 
 
-def test_equal_modes_of_a_damped_rotor_at_rest_are_a_reverse_and_a_forward_circle() -> None:
+def test_equal_modes_of_a_damped_rotor_at_standstill_are_reverse_and_forward_circles() -> None:
     damped = on(SupportCoefficients.isotropic(1e4, 5.0))
     at_rest, turning = whirl_modes(damped, [0.0, 1.0])
     assert np.array_equal(np.sign(at_rest.frequencies), np.sign(turning.frequencies))
@@ -126,7 +126,7 @@ def test_equal_modes_of_a_damped_rotor_at_rest_are_a_reverse_and_a_forward_circl
     assert modal_assurance(at_rest, turning).diagonal() == pytest.approx(1.0, abs=1e-3)
 
 
-def test_rigid_modes_of_a_free_rotor_have_exactly_no_frequency() -> None:
+def test_rigid_body_modes_of_a_free_rotor_have_frequency_zero() -> None:
     free = linear_system(gj90c_rotor(), [])
     (at_rest,) = whirl_modes(free, [0.0])
     assert np.array_equal(at_rest.frequencies[:4], np.zeros(4))
@@ -136,7 +136,7 @@ def test_rigid_modes_of_a_free_rotor_have_exactly_no_frequency() -> None:
         assert np.sort(column) == pytest.approx(np.sort(modes.frequencies[:6]), rel=1e-9)
 
 
-def test_branches_are_whole_and_each_mode_is_on_one(soft: LinearSystem) -> None:
+def test_branches_are_complete_and_contain_each_mode_once(soft: LinearSystem) -> None:
     followed = campbell(soft, SPEEDS).frequencies
     for speed, column in zip(SPEEDS, followed.T, strict=True):
         assert np.sort(column) == pytest.approx(natural_frequencies(gj90c_rotor(), 1e4, speed), rel=1e-6, abs=1e-3)
@@ -144,7 +144,7 @@ def test_branches_are_whole_and_each_mode_is_on_one(soft: LinearSystem) -> None:
     assert modal_assurance(one, other).max(axis=1).min() > 0.9
 
 
-def test_branches_of_a_damped_rotor_are_its_modes_each_once() -> None:
+def test_branches_of_a_damped_rotor_contain_each_mode_once() -> None:
     slow = SupportCoefficients(((1e4, 2e3), (-2e3, 3e4)), ((60.0, 0.0), (0.0, 20.0)))
     found = campbell(on(slow), np.linspace(0, 8000, 81))
     for speed, column in zip(found.speeds[::20], found.frequencies.T[::20], strict=True):
@@ -155,7 +155,7 @@ def test_branches_of_a_damped_rotor_are_its_modes_each_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speeds", "branches", "said"),
+    ("speeds", "branches", "message"),
     [
         ([], None, r"speeds: \[\], rad/s, expected one or more, rising"),
         ([2.0, 1.0], None, r"speeds: \[2\. 1\.\], rad/s"),
@@ -163,15 +163,15 @@ def test_branches_of_a_damped_rotor_are_its_modes_each_once() -> None:
         ([float("nan")], None, r"speeds: \[nan\], rad/s, expected a list of finite values"),
     ],
 )
-def test_campbell_that_makes_no_sense_is_refused(
-    soft: LinearSystem, speeds: list[float], branches: int | None, said: str
+def test_invalid_campbell_arguments_are_refused(
+    soft: LinearSystem, speeds: list[float], branches: int | None, message: str
 ) -> None:
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         campbell(soft, speeds, branches)
 
 
 @pytest.mark.parametrize("stiffness", [1e4, 1e7, 1e10])
-def test_critical_speeds_are_the_same_by_both_ways(stiffness: float) -> None:
+def test_critical_speeds_of_both_functions_are_equal(stiffness: float) -> None:
     expected = critical_speeds(gj90c_rotor(), stiffness, 8000)
     nearly = SupportCoefficients(((stiffness, 0.0), (0.0, stiffness * (1 + 1e-9))))
     for coefficients in (SupportCoefficients.isotropic(stiffness), nearly):
@@ -190,18 +190,18 @@ def test_response_peaks_at_the_forward_critical_speeds_and_not_at_the_reverse_on
     assert np.abs(reverse).max() < np.abs(beside).max()
 
 
-def test_springs_that_differ_by_direction_split_the_critical_speeds() -> None:
+def test_anisotropic_springs_split_the_critical_speeds() -> None:
     system = on(SupportCoefficients(((2e4, 0.0), (0.0, 1e4))))
     found = system_critical_speeds(system, 8000)
     speeds = sorted(found.forward + found.reverse)
     assert len(speeds) == 5
     shaken = imbalance_response(system, [Imbalance(5, 1e-7)], [(1 + 1e-7) * speed for speed in speeds])
     usual = imbalance_response(system, [Imbalance(5, 1e-7)], [1.1 * speed for speed in speeds])
-    # a critical speed of a rotor on such springs is met by imbalance whatever its sense
+    # on such springs imbalance excites reverse and forward critical speeds
     assert np.all(np.abs(shaken).max(axis=(1, 2)) > 100 * np.abs(usual).max(axis=(1, 2)))
 
 
-def test_map_of_critical_speeds_rises_with_the_stiffness_to_the_pinned_rotor() -> None:
+def test_critical_speed_map_rises_to_the_pinned_rotor() -> None:
     found = critical_speed_map(gj90c_rotor(), np.geomspace(1e4, 1e10, 7))
     assert np.all(np.diff(found.forward, axis=1) > -1e-6 * found.forward[:, 1:])
     assert np.all(np.diff(found.forward, axis=0) > 0)
@@ -211,7 +211,7 @@ def test_map_of_critical_speeds_rises_with_the_stiffness_to_the_pinned_rotor() -
     assert elsewhere.forward[0, 0] != pytest.approx(found.forward[0, 3], rel=0.01)
 
 
-def test_rotor_that_nothing_holds_has_no_critical_speeds_and_no_place() -> None:
+def test_unsupported_rotor_has_no_critical_speeds_and_no_deflection() -> None:
     free = linear_system(gj90c_rotor(), [])
     with pytest.raises(ValueError, match="supports: they leave the rotor free to move"):
         system_critical_speeds(free, 8000)
@@ -219,10 +219,10 @@ def test_rotor_that_nothing_holds_has_no_critical_speeds_and_no_place() -> None:
         static_deflection(free, gravity=9.81)
 
 
-def test_imbalance_follows_its_phase_and_adds_up(soft: LinearSystem) -> None:
+def test_imbalance_response_is_linear_with_phase(soft: LinearSystem) -> None:
     one, turned = (imbalance_response(soft, [Imbalance(5, 1e-7, phase)], [700.0]) for phase in (0.0, 1.0))
     assert turned == pytest.approx(one * np.exp(1j), rel=1e-9)
-    assert one[0, 1] == pytest.approx(-1j * one[0, 0], rel=1e-9)  # a forward circle: y a quarter turn later
+    assert one[0, 1] == pytest.approx(-1j * one[0, 0], rel=1e-9)  # a forward circle: y lags by a quarter turn
     other = imbalance_response(soft, [Imbalance(2, 3e-7, 2.0)], [700.0])
     both = imbalance_response(soft, [Imbalance(5, 1e-7), Imbalance(2, 3e-7, 2.0)], [700.0])
     assert both == pytest.approx(one + other, rel=1e-9)
@@ -233,7 +233,7 @@ def test_weight_and_loads_are_carried_by_the_springs() -> None:
     system = linear_system(gj90c_rotor(), [Support(3, film, outer, 0.02), Support(4, film)])
     sag = static_deflection(system, [StaticLoad(1, 4.0, -2.0)], gravity=9.81)
     spring_y = 1 / (1 / 1e6 + 1 / 3e6)
-    # the ring's own weight only presses on the outer film
+    # the ring weight acts on the outer film only
     below = sag[1, 2] + 0.02 * 9.81 / 3e6
     assert spring_y * below + 1e6 * sag[1, 3] == pytest.approx(-(0.185 * 9.81 + 2.0), rel=1e-6)
     spring_x = 1 / (1 / 2e6 + 1 / 3e6)
@@ -241,7 +241,7 @@ def test_weight_and_loads_are_carried_by_the_springs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda: linear_system(gj90c_rotor(), [Support(7, NEARLY)]), "support: station 7, expected 1 to 6"),
         (lambda: imbalance_response(on(NEARLY), [Imbalance(7, 1e-7)], [1.0]), "imbalance: station 7, expected 1 to 6"),
@@ -254,7 +254,7 @@ def test_weight_and_loads_are_carried_by_the_springs() -> None:
         (lambda: critical_speed_map(gj90c_rotor(), []), r"stiffnesses: \[\], N/m"),
     ],
 )
-def test_what_cannot_be_is_refused(make: object, said: str) -> None:
+def test_invalid_arguments_are_refused(make: object, message: str) -> None:
     assert callable(make)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         make()

@@ -5,7 +5,7 @@ from model.linear.modes import free_modes, natural_frequencies, supported_stiffn
 from model.rotor.gj90c import gj90c_rotor
 
 
-def test_free_modes_are_orthonormal_in_the_masses_and_diagonal_in_the_stiffness() -> None:
+def test_free_modes_are_orthonormal_in_mass_and_diagonal_in_stiffness() -> None:
     rotor = gj90c_rotor()
     modes = free_modes(rotor)
     assert modes.shapes.T @ rotor.mass_matrix() @ modes.shapes == pytest.approx(np.eye(12), abs=1e-9)
@@ -14,7 +14,7 @@ def test_free_modes_are_orthonormal_in_the_masses_and_diagonal_in_the_stiffness(
     assert list(modes.frequencies[:2]) == [0.0, 0.0]
 
 
-def test_at_rest_forward_and_reverse_frequencies_are_the_supported_rotors_own() -> None:
+def test_frequencies_at_standstill_are_those_of_the_supported_rotor() -> None:
     rotor = gj90c_rotor()
     frequencies = natural_frequencies(rotor, 1e7, 0.0)
     M, K = rotor.mass_matrix(), supported_stiffness(rotor, 1e7)
@@ -23,7 +23,7 @@ def test_at_rest_forward_and_reverse_frequencies_are_the_supported_rotors_own() 
     assert frequencies[11:7:-1] == pytest.approx(-own[:4], rel=1e-6)
 
 
-def test_turning_rotor_fulfils_its_characteristic_equation() -> None:
+def test_frequencies_of_the_rotating_rotor_fulfil_the_characteristic_equation() -> None:
     rotor, speed = gj90c_rotor(), 4000.0
     K, M, J = supported_stiffness(rotor, 1e7), rotor.mass_matrix(), rotor.gyroscopic_matrix()
     for frequency in natural_frequencies(rotor, 1e7, speed)[9:15]:
@@ -33,7 +33,7 @@ def test_turning_rotor_fulfils_its_characteristic_equation() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 13])
-def test_number_of_modes_that_the_rotor_does_not_have_is_refused(count: int) -> None:
+def test_invalid_number_of_modes_is_refused(count: int) -> None:
     with pytest.raises(ValueError, match=f"count: {count} modes, expected 2 to 12"):
         free_modes(gj90c_rotor(), count)
 

@@ -17,7 +17,7 @@ SPEEDS = np.arange(200.0, 2001.0, 100.0)
 
 @pytest.fixture
 def model() -> PredictionMap:
-    """A map made by hand: 1X of 3 µm that turns with speed, inner whirl from 1000, outer from 1800 rad/s."""
+    """Synthetic map: 1X of 3 µm whose phase rotates with speed, inner whirl from 1000, outer from 1800 rad/s."""
     n = SPEEDS.size
     vectors = np.zeros((n, 2, 2), np.complex128)
     vectors[:, 0, 0] = 3e-6 * np.exp(-1j * SPEEDS / 2000)
@@ -40,7 +40,7 @@ def model() -> PredictionMap:
 
 
 def row(model: PredictionMap, speed: float, factor: complex = 1.0) -> SpeedRow:
-    """What a run shows whose 1X is ``factor`` times the predicted."""
+    """Summary row of a run whose 1X is ``factor`` times the prediction."""
     predicted = model.at(speed).vectors if 200 <= speed <= 2000 else np.full((2, 2), 1e-6 + 0j)
     return SpeedRow(
         direction=RampDirection.RUN_UP,
@@ -94,7 +94,7 @@ def run(rows: list[SpeedRow], whirls: list[WhirlFinding] | None = None, highest:
     )
 
 
-def test_run_that_is_the_model_agrees_with_it_everywhere(model: PredictionMap) -> None:
+def test_run_equal_to_the_model_agrees_at_all_speeds(model: PredictionMap) -> None:
     found = compare(run([row(model, speed) for speed in (300.0, 777.0, 1900.0)]), model).synchronous
     assert found is not None
     assert found.speeds == 3
@@ -113,7 +113,7 @@ def test_larger_amplitude_and_later_phase_are_positive(model: PredictionMap) -> 
     assert found.within_phase == pytest.approx(0.3)
 
 
-def test_agreement_ends_at_the_first_speed_that_is_off(model: PredictionMap) -> None:
+def test_agreement_ends_before_the_first_disagreeing_speed(model: PredictionMap) -> None:
     rows = [
         row(model, 1500.0, 0.5),
         row(model, 600.0, 0.9),
@@ -129,7 +129,7 @@ def test_agreement_ends_at_the_first_speed_that_is_off(model: PredictionMap) -> 
     assert (found.worst_phase, found.worst_phase_speed) == pytest.approx((1.0, 900.0))
 
 
-def test_run_that_is_off_from_the_start_agrees_up_to_nowhere(model: PredictionMap) -> None:
+def test_run_that_disagrees_from_the_start_has_no_agreement_speed(model: PredictionMap) -> None:
     found = compare(run([row(model, 500.0, 3.0), row(model, 900.0)]), model).synchronous
     assert found is not None
     assert math.isnan(found.agrees_to)
@@ -149,14 +149,14 @@ def test_predicted_whirls_are_ranges_of_one_order(model: PredictionMap) -> None:
     assert (outer.order, outer.onset, outer.end, outer.amplitude) == pytest.approx((0.20, 1800, 2000, 20e-6))
 
 
-def test_whirl_that_pauses_stays_one(model: PredictionMap) -> None:
+def test_interrupted_whirl_is_one_whirl(model: PredictionMap) -> None:
     order = model.whirl_order.copy()
     order[SPEEDS == 1300] = math.nan
     assert [one.onset for one in predicted_whirls(replace(model, whirl_order=order))] == [1000, 1800]
 
 
 def test_whirls_are_matched_by_their_rank_in_speed(model: PredictionMap) -> None:
-    # run up and down again, and something that goes against the shaft
+    # run-up and run-down, and a reverse component
     whirls = [
         whirl(0.49, 1150, 1500),
         whirl(0.17, 1540, 1900),
@@ -172,21 +172,21 @@ def test_whirls_are_matched_by_their_rank_in_speed(model: PredictionMap) -> None
     assert second.was_reached
 
 
-def test_whirl_that_the_run_did_not_come_to_is_not_held_against_it(model: PredictionMap) -> None:
+def test_whirl_above_the_speeds_of_the_run_is_marked_as_not_reached(model: PredictionMap) -> None:
     first, second = compare(run([], [], highest=1500.0), model).whirls
     assert (first.was_reached, first.measured) == (True, None)
     assert (second.was_reached, second.measured) == (False, None)
     assert math.isnan(first.onset_ratio)
 
 
-def test_whirl_that_nobody_predicted_is_listed(model: PredictionMap) -> None:
+def test_unpredicted_whirl_is_listed(model: PredictionMap) -> None:
     quiet = replace(model, whirl_order=np.full(SPEEDS.size, math.nan))
     (only,) = compare(run([], [whirl(0.49, 1150, 1500)]), quiet).whirls
     assert only.predicted is None
     assert only.was_reached
 
 
-def test_onset_of_instability_lies_where_growth_crosses_zero(model: PredictionMap) -> None:
+def test_onset_of_instability_is_the_zero_of_the_growth_rate(model: PredictionMap) -> None:
     assert instability_onset(model) == pytest.approx(950.0)
     assert compare(run([]), model).instability_onset == pytest.approx(950.0)
     assert math.isnan(instability_onset(replace(model, growth_rate=np.full(SPEEDS.size, -1.0))))

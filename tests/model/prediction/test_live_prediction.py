@@ -17,7 +17,7 @@ def coarse() -> PredictionMap:
 
 
 @pytest.mark.parametrize("speed", [607.0, 1047.0, 1060.0])
-def test_prediction_at_a_speed_is_what_a_long_settled_motion_shows(coarse: PredictionMap, speed: float) -> None:
+def test_prediction_at_a_speed_equals_a_long_settled_motion(coarse: PredictionMap, speed: float) -> None:
     near = predict(gj90c(), speed, coarse, SETTINGS)
     (exact,) = np.flatnonzero(np.array([600.0, speed]) == speed)
     settled = compute_prediction_map(gj90c(), np.array([speed - 7.0, speed]), SETTINGS, lambda _a, _b: None)
@@ -33,7 +33,7 @@ def test_prediction_outside_the_map_is_refused(coarse: PredictionMap) -> None:
         predict(gj90c(), 500.0, coarse, SETTINGS)
 
 
-def test_motion_goes_on_from_a_state_as_if_it_had_not_stopped() -> None:
+def test_resumed_motion_equals_the_uninterrupted_one() -> None:
     whole = ShaftMotion(gj90c(), 900.0, 20)
     later = ShaftMotion(gj90c(), 900.0, 0)
     later.resume(whole.state, 900.0)
@@ -42,7 +42,7 @@ def test_motion_goes_on_from_a_state_as_if_it_had_not_stopped() -> None:
         later.resume(np.zeros((3, 4), np.complex128), 900.0)
 
 
-def test_looks_come_nearer_to_where_a_calm_motion_ends(coarse: PredictionMap) -> None:
+def test_refined_predictions_converge_without_whirl(coarse: PredictionMap) -> None:
     first, *_, last = refine(gj90c(), 613.0, coarse, SETTINGS)
     settled = ShaftMotion(gj90c(), 613.0, 600).integrate_turns(1)
     expected = np.ptp(settled, axis=1)
@@ -53,7 +53,7 @@ def test_looks_come_nearer_to_where_a_calm_motion_ends(coarse: PredictionMap) ->
     assert not coarse.at(613.0).is_exact
 
 
-def test_whirl_settles_where_a_long_motion_shows_it(coarse: PredictionMap) -> None:
+def test_refined_whirl_equals_a_long_settled_motion(coarse: PredictionMap) -> None:
     *_, last = refine(gj90c(), 1052.0, coarse, SETTINGS)
     motion = ShaftMotion(gj90c(), 1052.0, 0)
     motion.resume(coarse.states[2], 1040.0)
@@ -64,9 +64,9 @@ def test_whirl_settles_where_a_long_motion_shows_it(coarse: PredictionMap) -> No
     assert last.peak_to_peak == pytest.approx(long.peak_to_peak, rel=0.01)
 
 
-def test_motion_is_begun_on_the_side_of_the_onset_on_which_the_speed_lies(coarse: PredictionMap) -> None:
+def test_start_state_is_on_the_same_side_of_the_onset(coarse: PredictionMap) -> None:
     onset = instability_onset(coarse)
     assert 626.0 < onset < 1040.0
     calm, whirling = (predict(gj90c(), speed, coarse, SETTINGS) for speed in (onset - 5.0, onset + 5.0))
-    assert calm.whirl_amplitude < 0.5e-6  # what is left of beginning more than 200 rad/s below
+    assert calm.whirl_amplitude < 0.5e-6  # residual of a start more than 200 rad/s below
     assert whirling.whirl_amplitude > 10e-6

@@ -28,7 +28,7 @@ def computed() -> PredictionMap:
     return compute_prediction_map(gj90c(), SPEEDS, SETTINGS, silent)
 
 
-def test_map_has_the_measurements_order_axis_and_orbit(computed: PredictionMap) -> None:
+def test_map_has_order_axis_and_orbit_of_the_measurement(computed: PredictionMap) -> None:
     prediction = computed.at(650.0)
     assert prediction.orders == pytest.approx(np.arange(4 * 16 + 1) / 16)
     assert prediction.spectrum.shape == (2, 65)
@@ -36,20 +36,20 @@ def test_map_has_the_measurements_order_axis_and_orbit(computed: PredictionMap) 
     assert prediction.orbit.mean(axis=1) == pytest.approx([0, 0], abs=1e-12)
 
 
-def test_stable_speed_shows_1x_alone(computed: PredictionMap) -> None:
+def test_stable_speed_has_only_1x(computed: PredictionMap) -> None:
     prediction = computed.at(600.0)
     assert prediction.growth_rate < 0
     assert math.isnan(prediction.whirl_order)
     assert prediction.whirl_amplitude == 0
     assert np.abs(prediction.vectors[0]) == pytest.approx(prediction.spectrum[:, 16], rel=1e-6)
     assert np.argmax(prediction.spectrum[0]) == 16
-    # the orbit begins on the mark: it is its 1X and little else
+    # the orbit starts at theta = 0 and is almost only 1X
     theta = 2 * math.pi * np.arange(32) / 32
     one = np.real(prediction.vectors[0][:, None] * np.exp(1j * theta))
     assert np.abs(prediction.orbit[:, :32] - one).max() < 0.15 * np.abs(one).max()
 
 
-def test_unstable_speed_shows_the_inner_films_whirl(computed: PredictionMap) -> None:
+def test_unstable_speed_has_inner_film_whirl(computed: PredictionMap) -> None:
     prediction = computed.at(1150.0)
     assert prediction.growth_rate > 0
     assert prediction.whirl_order == pytest.approx(0.70, abs=0.02)
@@ -67,7 +67,7 @@ def test_between_speeds_spectrum_and_vectors_are_interpolated(computed: Predicti
     assert middle.speed == 625.0
 
 
-def test_whirl_is_interpolated_only_where_both_neighbours_show_it(computed: PredictionMap) -> None:
+def test_whirl_is_interpolated_only_between_equal_whirls(computed: PredictionMap) -> None:
     both = (computed.whirl_order[2] + computed.whirl_order[3]) / 2
     assert computed.at(1175.0).whirl_order == pytest.approx(both, rel=1e-9)
     assert math.isnan(computed.at(710.0).whirl_order)
@@ -80,13 +80,13 @@ def test_speed_outside_the_map_is_refused(computed: PredictionMap, speed: float)
         computed.at(speed)
 
 
-def test_map_comes_back_from_its_arrays(computed: PredictionMap) -> None:
+def test_map_survives_the_round_trip_through_arrays(computed: PredictionMap) -> None:
     again = PredictionMap.from_arrays(computed.to_arrays())
     for name, array in computed.to_arrays().items():
         assert np.array_equal(getattr(again, name), array, equal_nan=True)
 
 
-def test_arrays_that_are_no_map_are_refused(computed: PredictionMap) -> None:
+def test_invalid_arrays_are_refused(computed: PredictionMap) -> None:
     arrays = computed.to_arrays()
     with pytest.raises(ValueError, match="prediction map: orbit missing"):
         PredictionMap.from_arrays({name: array for name, array in arrays.items() if name != "orbit"})
@@ -95,7 +95,7 @@ def test_arrays_that_are_no_map_are_refused(computed: PredictionMap) -> None:
         PredictionMap.from_arrays(wrong)
 
 
-def test_probes_at_other_angles_see_the_same_motion(computed: PredictionMap) -> None:
+def test_probes_at_other_angles_measure_the_same_motion(computed: PredictionMap) -> None:
     turned = replace(gj90c(), probe_angles=(math.pi / 2, math.pi))
     other = compute_prediction_map(turned, SPEEDS[:2], SETTINGS, silent)
     assert other.spectrum[:, 0] == pytest.approx(computed.spectrum[:2, 1], abs=1e-12)
@@ -103,14 +103,14 @@ def test_probes_at_other_angles_see_the_same_motion(computed: PredictionMap) -> 
     assert other.orbit == pytest.approx(computed.orbit[:2], abs=1e-12)
 
 
-def test_progress_is_told_speed_by_speed() -> None:
-    told: list[tuple[int, int]] = []
-    compute_prediction_map(gj90c(), SPEEDS[:2], SETTINGS, lambda done, total: told.append((done, total)))
-    assert told == [(1, 2), (2, 2)]
+def test_progress_is_reported_after_each_speed() -> None:
+    progress: list[tuple[int, int]] = []
+    compute_prediction_map(gj90c(), SPEEDS[:2], SETTINGS, lambda done, total: progress.append((done, total)))
+    assert progress == [(1, 2), (2, 2)]
 
 
-def test_growth_is_unknown_where_no_synchronous_orbit_is_found() -> None:
-    # an oil so thin that the shaft bounces: the motion goes on, but none repeats itself
+def test_growth_rate_is_nan_without_synchronous_orbit() -> None:
+    # viscosity so low that the shaft bounces: a motion exists, but no periodic one
     thin = gj90c(viscosity=1e-4, imbalance=1.8e-5)
     found = compute_prediction_map(thin, np.array([5000.0, 5010.0]), SETTINGS, silent)
     assert np.isnan(found.growth_rate).all()
@@ -141,7 +141,7 @@ def test_default_speeds_reach_the_rigs_limit_in_steps_of_250_rpm() -> None:
         (gj90c(), SPEEDS, replace(SETTINGS, revolutions=32)),
     ],
 )
-def test_key_tells_every_input_apart(
+def test_key_depends_on_every_input(
     parameters: ModelParameters, speeds: NDArray[np.float64], settings: AnalysisSettings
 ) -> None:
     assert prediction_map_key(parameters, speeds, settings) != prediction_map_key(gj90c(), SPEEDS, SETTINGS)

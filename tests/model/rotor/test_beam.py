@@ -1,4 +1,4 @@
-"""The segment's matrices against integrals of its shape functions, written out again."""
+"""Element matrices against integrals of independent shape functions."""
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ LENGTH = 0.07
 def shapes(shear: float) -> tuple[list[Polynomial], list[Polynomial]]:
     """Displacement and rotation of the section along a segment, for a unit of each of its four coordinates.
 
-    A segment loaded at its ends bends as a cubic; the section turns by the slope less the shear angle, which is
-    constant: w' - phi = -w''' shear l² / 12.
+    A segment loaded at its ends bends as a cubic. The rotation of the section is the slope minus the constant shear
+    angle: w' - phi = -w''' shear l² / 12.
     """
     displacements, rotations = [], []
     for unit in np.eye(4):
@@ -53,7 +53,7 @@ def test_stiffness_is_the_integral_of_bending_and_shear(shear: float) -> None:
     assert stiffness_element(40.0, LENGTH, shear) == pytest.approx(bending + of_shear, rel=1e-9)
 
 
-def test_cantilever_bends_as_the_textbook_says() -> None:
+def test_cantilever_deflection_is_the_textbook_value() -> None:
     force, bending_stiffness, shear = 3.0, 40.0, 0.3
     free_end = np.linalg.solve(stiffness_element(bending_stiffness, LENGTH, shear)[2:, 2:], [force, 0.0])
     bent = force * LENGTH**3 / (3 * bending_stiffness)
@@ -61,6 +61,6 @@ def test_cantilever_bends_as_the_textbook_says() -> None:
     assert free_end[1] == pytest.approx(force * LENGTH**2 / (2 * bending_stiffness), rel=1e-12)
 
 
-def test_shear_coefficient_is_cowpers() -> None:
+def test_shear_coefficient_is_that_of_cowper() -> None:
     assert shear_coefficient(0.3, 1.0) == pytest.approx(0.886, abs=5e-4)  # solid: 6 (1 + nu) / (7 + 6 nu)
     assert shear_coefficient(0.3, 1.0, 0.9999) == pytest.approx(0.531, abs=2e-3)  # thin tube: 2 (1 + nu) / (4 + 3 nu)

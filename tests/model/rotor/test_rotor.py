@@ -22,7 +22,7 @@ def rigid_motions(rotor: Rotor) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 @pytest.mark.parametrize("beam", list(Beam))
-def test_free_shaft_resists_neither_translation_nor_rotation(beam: Beam) -> None:
+def test_stiffness_of_a_free_shaft_vanishes_for_rigid_body_motion(beam: Beam) -> None:
     stiffness = replace(gj90c_rotor(), beam=beam).stiffness_matrix()
     for motion in rigid_motions(gj90c_rotor()):
         assert np.abs(stiffness @ motion).max() < 1e-9 * stiffness.max()
@@ -38,9 +38,7 @@ def test_matrices_carry_masses_and_inertias_by_station() -> None:
 
 @pytest.mark.parametrize("beam", list(Beam))
 @pytest.mark.parametrize("shaft_mass", [ShaftMass.LUMPED, ShaftMass.CONSISTENT])
-def test_shaft_has_the_mass_and_the_inertias_of_a_tube_however_they_are_spread(
-    beam: Beam, shaft_mass: ShaftMass
-) -> None:
+def test_shaft_has_mass_and_inertias_of_a_tube_for_every_mass_distribution(beam: Beam, shaft_mass: ShaftMass) -> None:
     tube = replace(STEEL, inner_radius=2e-3)
     rotor = two_stations(segments=(tube, tube, tube), shaft_mass=shaft_mass, beam=beam, discs=())
     mass = 7800 * np.pi * (4e-3**2 - 2e-3**2) * 60e-3
@@ -52,12 +50,12 @@ def test_shaft_has_the_mass_and_the_inertias_of_a_tube_however_they_are_spread(
     assert rotation @ rotor.gyroscopic_matrix() @ rotation == pytest.approx(about_axis)
     if shaft_mass is ShaftMass.CONSISTENT:
         assert rotation @ rotor.mass_matrix() @ rotation == pytest.approx(about_end)
-    else:  # mass at four points lies further out than along the shaft
+    else:  # mass lumped at four points is further from the centre than distributed mass
         assert about_end < rotation @ rotor.mass_matrix() @ rotation < 1.08 * about_end
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"segments": ()}, r"segments: none, expected one or more"),
         ({"discs": (Disc(1, 0.1, 1e-6, 2e-6),)}, r"disc: none at station 2, expected one at every station"),
@@ -70,13 +68,13 @@ def test_shaft_has_the_mass_and_the_inertias_of_a_tube_however_they_are_spread(
         ),
     ],
 )
-def test_rotor_that_cannot_be_is_refused(changes: dict[str, object], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_invalid_rotor_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         two_stations(**changes)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "message"),
     [
         ({"length": -0.1}, r"length: -0.1 m, expected a finite value above 0"),
         ({"radius": float("nan")}, r"radius: nan m"),
@@ -86,21 +84,21 @@ def test_rotor_that_cannot_be_is_refused(changes: dict[str, object], said: str) 
         ({"poissons_ratio": 0.6}, r"poissons_ratio: 0.6, expected 0 to 0.5"),
     ],
 )
-def test_segment_that_cannot_be_is_refused_with_quantity_value_and_unit(changes: dict[str, float], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_invalid_segment_is_refused_with_quantity_value_and_unit(changes: dict[str, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         replace(STEEL, **changes)
 
 
 @pytest.mark.parametrize(
-    ("sizes", "said"),
+    ("sizes", "message"),
     [
         ((0.0, 1e-6, 1e-6), r"mass of the disc at station 1: 0 kg, expected a finite value above 0"),
         ((0.1, -1e-6, 1e-6), r"diametral_inertia of the disc at station 1: -1e-06 kg m²"),
         ((0.1, 1e-6, 0.0), r"polar_inertia of the disc at station 1: 0 kg m²"),
     ],
 )
-def test_disc_that_cannot_be_is_refused(sizes: tuple[float, float, float], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_invalid_disc_is_refused(sizes: tuple[float, float, float], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         Disc(1, *sizes)
 
 

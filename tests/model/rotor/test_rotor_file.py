@@ -27,11 +27,11 @@ def faults_of(document: dict[str, Any]) -> tuple[str, ...]:
     return caught.value.faults
 
 
-def test_default_document_is_the_default_rotor_to_the_last_digit(document: dict[str, Any]) -> None:
+def test_gj90c_file_equals_the_default_rotor_exactly(document: dict[str, Any]) -> None:
     assert parse_rotor(document) == gj90c()
 
 
-def test_any_unit_of_a_quantity_says_the_same(document: dict[str, Any]) -> None:
+def test_every_unit_of_a_quantity_is_converted(document: dict[str, Any]) -> None:
     other = copy.deepcopy(document)
     other["station"][1] = {"position_um": 5000}
     other["disc"][0] = {"station": 1, "mass_g": 10, "diametral_inertia_g_mm2": 200, "polar_inertia_kg_mm2": 0.1}
@@ -42,7 +42,7 @@ def test_any_unit_of_a_quantity_says_the_same(document: dict[str, Any]) -> None:
     assert parse_rotor(other) == parse_rotor(document)
 
 
-def test_walls_come_through_and_rub_at_the_shafts_radius_where_none_is_given(document: dict[str, Any]) -> None:
+def test_walls_are_read_with_the_shaft_radius_by_default(document: dict[str, Any]) -> None:
     document["rub"] = [
         {"station": 4, "clearance_um": 60, "stiffness_n_um": 20},
         {
@@ -61,7 +61,7 @@ def test_rotor_on_supports_alone_needs_neither_bearing_nor_journals(document: di
     del document["bearing"]
     document["support"] = [{"station": 3, "stiffness_n_m": 1e7}, {"station": 4, "stiffness_n_m": 1e7}]
     assert parse_rotor(document).bearing is None
-    assert parse_rotor(document).rotor.journal_stations == (3, 4)  # where springs may stand
+    assert parse_rotor(document).rotor.journal_stations == (3, 4)  # stations for springs
     del document["journal"]
     parameters = parse_rotor(document)
     assert parameters.rotor.bearing_stations == ()
@@ -69,11 +69,11 @@ def test_rotor_on_supports_alone_needs_neither_bearing_nor_journals(document: di
         _ = parameters.floating_ring
     with pytest.raises(ValueError, match="journal: none, expected two stations for bearings or springs"):
         _ = parameters.rotor.journals
-    document["imbalance"][0]["magnitude_kg_m"] = 1.0  # there is no clearance that it could exceed
+    document["imbalance"][0]["magnitude_kg_m"] = 1.0  # no clearance limits it
     assert parse_rotor(document).imbalances[0].magnitude == 1.0
 
 
-def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str, Any]) -> None:
+def test_supports_loads_and_shaft_mass_are_read(document: dict[str, Any]) -> None:
     document |= {
         "beam": "timoshenko",
         "shaft_mass": "consistent",
@@ -108,7 +108,7 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
 
 
 @pytest.mark.parametrize(
-    ("place", "changes", "said"),
+    ("place", "changes", "message"),
     [
         (("station", 2), {"position_mm": 5}, "station[2].position: 0.005 m of station 3, expected more than 0.005 m"),
         (("segment", 1), {"radius_mm": -5}, "segment[1].radius_mm = -5 mm: expected a finite value above 0"),
@@ -169,18 +169,18 @@ def test_supports_loads_and_the_shafts_own_mass_come_through(document: dict[str,
         ((), {"gravity_g": 1}, "gravity_g = 1: unknown key, did you mean gravity_m_s2?"),
     ],
 )
-def test_document_that_cannot_be_is_refused_with_quantity_value_and_unit(
-    document: dict[str, Any], place: tuple[str | int, ...], changes: dict[str, Any], said: str
+def test_invalid_file_is_refused_with_quantity_value_and_unit(
+    document: dict[str, Any], place: tuple[str | int, ...], changes: dict[str, Any], message: str
 ) -> None:
     table: Any = document
     for key in place:
         table = table[key]
     table |= changes
-    assert any(fault.startswith(said) for fault in faults_of(document)), faults_of(document)
+    assert any(fault.startswith(message) for fault in faults_of(document)), faults_of(document)
 
 
 @pytest.mark.parametrize(
-    ("place", "changes", "said"),
+    ("place", "changes", "message"),
     [
         (("segment", 2), {"radius_mm": 10**400}, "segment[2].radius_mm = too many digits: expected a finite value"),
         (("segment", 2), {"radius_mm": 1e-300}, "segment[2].radius_mm = 1e-300 mm: expected 0.01 to 10000 mm in size"),
@@ -190,24 +190,24 @@ def test_document_that_cannot_be_is_refused_with_quantity_value_and_unit(
         (("station", 5), {"position_mm": 85.001}, "station[5].position: 0.085001 m of station 6, expected more than"),
     ],
 )
-def test_size_that_no_rotor_has_is_refused(
-    document: dict[str, Any], place: tuple[str | int, ...], changes: dict[str, Any], said: str
+def test_implausible_size_is_refused(
+    document: dict[str, Any], place: tuple[str | int, ...], changes: dict[str, Any], message: str
 ) -> None:
     table: Any = document
     for key in place:
         table = table[key]
     table |= changes
     (fault,) = faults_of(document)
-    assert fault.startswith(said)
+    assert fault.startswith(message)
 
 
-def test_unit_that_nobody_knows_is_named_with_those_that_are(document: dict[str, Any]) -> None:
+def test_unknown_unit_is_reported_with_the_known_units(document: dict[str, Any]) -> None:
     document["segment"][0] = {"radius_inch": 0.2}
     expected = "segment[0].radius_inch = 0.2: unknown unit inch, expected radius_mm or radius_m or radius_um"
     assert faults_of(document) == (expected,)
 
 
-def test_all_faults_are_said_at_once(document: dict[str, Any]) -> None:
+def test_all_faults_are_reported_together(document: dict[str, Any]) -> None:
     del document["bearing"]["length_mm"]
     document["disc"][0]["mass_kg"] = -1
     document["name"] = 3

@@ -1,4 +1,4 @@
-"""Motions from speed to speed, seeded where they are unstable, and the motion at one speed, at any station."""
+"""Stepped run-ups with seeding, and motion at one speed, at any station."""
 
 import math
 from dataclasses import replace
@@ -21,7 +21,7 @@ from model.studies.varied_parameters import with_values
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 
 
-def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelParameters) -> None:
+def test_onset_of_a_seeded_run_up_is_that_of_the_eigenvalues(default: ModelParameters) -> None:
     (band,) = stability(default, SPEEDS).bands
     first = float(SPEEDS[np.searchsorted(SPEEDS, band.start)])
     seeded = run_up(default, SPEEDS, 60, 64, seed=DEFAULT_SEED)
@@ -49,7 +49,7 @@ def test_seeded_run_up_shows_the_whirl_where_the_eigenvalues_say(default: ModelP
     ],
     ids=str,
 )
-def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[str, float]) -> None:
+def test_onset_of_a_seeded_run_up_is_that_of_the_eigenvalues_for_other_rotors(changes: dict[str, float]) -> None:
     parameters = with_values(gj90c(), changes)
     band = stability(parameters, np.arange(300.0, 2101.0, 50.0)).bands[0]
     speeds = 25 * np.floor(band.start / 25) + 25 * np.arange(-2.0, 5.0)
@@ -57,11 +57,11 @@ def test_onset_of_a_seeded_run_up_is_the_eigenvalues_of_any_rotor(changes: dict[
     assert found.seeding is not None
     e_folds = found.seeding.growth_rates * MAX_GROWTH_TURNS * 2 * math.pi / speeds
     onset = found.onset(band.film)
-    # not before the eigenvalues' onset, nor later than where the seed has the time to grow to what counts, and a bit
+    # not below the onset by eigenvalues, and not above the speed at which the seed has time to become visible
     assert band.start <= onset <= speeds[int(np.argmax(e_folds > 3))]
 
 
-def test_unseeded_run_up_is_the_motion_left_to_itself(default: ModelParameters) -> None:
+def test_unseeded_run_up_is_the_undisturbed_motion(default: ModelParameters) -> None:
     found = run_up(default, np.array([900.0, 1000.0]), 10, 8)
     motion = ShaftMotion(default, 900.0, 10)
     motion.integrate_turns(8, STEPS_PER_TURN)
@@ -72,7 +72,7 @@ def test_unseeded_run_up_is_the_motion_left_to_itself(default: ModelParameters) 
     assert "not seeded" in " ".join(bifurcation_study(found, "").remarks)
 
 
-def test_all_stations_of_one_motion_are_what_each_shows_alone(default: ModelParameters) -> None:
+def test_all_stations_of_one_motion_equal_those_computed_singly(default: ModelParameters) -> None:
     whole = ShaftMotion(default, 900.0, 10).integrate_stations(2)
     assert whole.shape == (6, 2, 128)
     for station in (1, 4, 6):
@@ -94,7 +94,7 @@ def test_response_at_a_station_is_that_of_the_synchronous_motion_there(default: 
     assert not np.allclose(np.asarray(amplitudes[0], float), np.asarray(amplitudes[1], float), rtol=0.05)
 
 
-def test_motion_at_a_speed_lists_stations_orbit_spectrum_and_poincares_points(default: ModelParameters) -> None:
+def test_motion_study_lists_stations_orbit_spectrum_and_poincare_section(default: ModelParameters) -> None:
     def listed(table: MotionTable) -> list[dict[str, float | str]]:
         return motion_study(default, 1600.0, 3, 40, 16, seed=DEFAULT_SEED, table=table).rows()
 
@@ -111,8 +111,8 @@ def test_motion_at_a_speed_lists_stations_orbit_spectrum_and_poincares_points(de
     assert [row["station"] for row in stations] == [1, 2, 3, 4, 5, 6]
     assert stations[2]["overall_x_um_pp"] == pytest.approx(np.ptp(path[0]))
     assert stations[2]["first_order_x_um_pk"] == pytest.approx(expected[16])
-    assert 200 < stepped.turns_settled < 1000  # as long as the seed takes to grow
-    assert {row["whirl_order"] for row in stations} == {0.6875}  # of sixteenths, the nearest
+    assert 200 < stepped.turns_settled < 1000  # time for the seed to grow
+    assert {row["whirl_order"] for row in stations} == {0.6875}  # nearest sixteenth
 
 
 def test_synchronous_motion_is_one_point_and_has_no_whirl() -> None:
@@ -121,15 +121,15 @@ def test_synchronous_motion_is_one_point_and_has_no_whirl() -> None:
     assert max(float(row["spread_x_um"]) for row in study.rows()) < 0.05
 
 
-@pytest.mark.parametrize(("speed", "station", "said"), [(0.0, 1, "speed: 0 rad/s"), (900.0, 9, "probe_station: 9")])
-def test_motion_that_makes_no_sense_is_refused(default: ModelParameters, speed: float, station: int, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+@pytest.mark.parametrize(("speed", "station", "message"), [(0.0, 1, "speed: 0 rad/s"), (900.0, 9, "probe_station: 9")])
+def test_invalid_motion_study_is_refused(default: ModelParameters, speed: float, station: int, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         motion_study(default, speed, station)
 
 
-def test_seed_that_makes_no_sense_is_refused(default: ModelParameters) -> None:
-    for seed, said in ((-1e-8, "-0.01"), (math.nan, "nan"), (20e-6, "20")):
-        expected = f"seed: {said} µm, expected 0 or more and less than the inner clearance of 20 µm"
+def test_invalid_seed_is_refused(default: ModelParameters) -> None:
+    for seed, shown in ((-1e-8, "-0.01"), (math.nan, "nan"), (20e-6, "20")):
+        expected = f"seed: {shown} µm, expected 0 or more and less than the inner clearance of 20 µm"
         with pytest.raises(ValueError, match=expected):
             run_up(default, SPEEDS, seed=seed)
     with pytest.raises(ValueError, match="motion: none, expected a call of settle_at"):

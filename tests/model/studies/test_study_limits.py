@@ -1,4 +1,4 @@
-"""Studies where there is no motion or equilibrium: an error where there is none at all, else how many are left out."""
+"""Studies without solution at some speeds (omitted and reported) or at all speeds (an error)."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -29,14 +29,16 @@ def test_run_up_into_the_wall_at_every_speed_is_an_error(study: Callable[[RunUp,
 
 
 @pytest.mark.parametrize("study", [waterfall_study, bifurcation_study])
-def test_run_up_says_at_how_many_speeds_nothing_is_known(study: Callable[[RunUp, str], Study], calm: RunUp) -> None:
+def test_run_up_reports_the_number_of_speeds_with_wall_contact(
+    study: Callable[[RunUp, str], Study], calm: RunUp
+) -> None:
     assert not any("wall" in remark for remark in study(calm, "calm").remarks)
     overall = np.where(calm.speeds == 520.0, np.nan, calm.peak_to_peak)
     touched = study(replace(calm, peak_to_peak=overall), "touched")
     assert "the motion reached a wall at 1 of 3 speeds: omitted" in touched.remarks
 
 
-def test_rotor_without_synchronous_motion_is_not_called_stable() -> None:
+def test_rotor_without_synchronous_motion_is_an_error() -> None:
     with pytest.raises(ModelError, match="none found within the clearances at any of 2 speeds from 100 to 200 rad/s"):
         onset_study(THIN, np.array([100.0, 200.0]))
     assert onset_study(gj90c(), np.array([500.0, 520.0])).remarks == ("stable from 500 to 520 rad/s",)
@@ -47,7 +49,7 @@ def test_load_that_no_film_carries_is_an_error() -> None:
         lubrication_study(nominal_lubrication(), 1e9, 1e5, np.array([1000.0, 2000.0]))
 
 
-def test_speeds_without_equilibrium_are_left_out_and_said() -> None:
+def test_speeds_without_equilibrium_are_omitted_and_reported() -> None:
     def is_full_film(load: float) -> bool:
         try:
             nominal_lubrication().equilibrium(load, 1000.0, 1e5)

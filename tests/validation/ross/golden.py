@@ -1,6 +1,6 @@
-"""Frequencies and imbalance response as ROSS computes them, for the model to be held against.
+"""Reference frequencies and imbalance responses, computed with ROSS.
 
-Runs in an environment of its own, where ROSS is installed (`make oracle`); knows nothing of the model:
+Runs in an environment of its own with ROSS installed (`make oracle`), without the model:
 
     .venv-oracle/bin/python tests/validation/ross/golden.py tests/validation/ross/ross.json
 """
@@ -25,18 +25,18 @@ HERE = Path(__file__).parent
 MODEL = HERE.parents[2] / "model" / "rotor"
 SPEEDS = (0.0, 4000.0, 8000.0)  # rad/s
 SPRING = 1e4  # N/m, of the GJ90C's bearings, Table 5.3
-MASSLESS = 1e-3  # kg/m³, where a shaft's mass is in its discs
-LATERAL = (0, 1, 3, 4)  # x, y and the two slopes of ROSS's six coordinates a station
+MASSLESS = 1e-3  # kg/m³, if the shaft mass is in the discs
+LATERAL = (0, 1, 3, 4)  # x, y and both slopes, of the six coordinates per station in ROSS
 DOFS = 6
 
 
 def matrix(value: Any) -> Any:
-    """Return a 2 by 2 matrix of a table's value."""
+    """Return the 2 by 2 matrix of a value in a table."""
     return value if isinstance(value, list) else [[value, 0.0], [0.0, value]]
 
 
 def bearing(node: int, stiffness: Any, damping: Any, link: int | None = None) -> Any:
-    """Return ROSS's bearing from 2 by 2 matrices."""
+    """Return a ROSS bearing from 2 by 2 matrices."""
     (kxx, kxy), (kyx, kyy) = matrix(stiffness)
     (cxx, cxy), (cyx, cyy) = matrix(damping)
     return rs.BearingElement(
@@ -45,7 +45,7 @@ def bearing(node: int, stiffness: Any, damping: Any, link: int | None = None) ->
 
 
 def assemble(document: Tables, supports: list[Tables]) -> tuple[Any, int]:
-    """Return ROSS's rotor and the number of nodes that are no rings."""
+    """Return the ROSS rotor and its number of shaft nodes."""
     massless = document["shaft_mass"] == "none"
     timoshenko = document["beam"] == "timoshenko"
     material = document["material"]
@@ -93,18 +93,18 @@ def assemble(document: Tables, supports: list[Tables]) -> tuple[Any, int]:
 
 
 def lateral_eigenvalues(rotor: Any, nodes: int, speed: float) -> Any:
-    """Return the eigenvalues above the real axis of ROSS's matrices without axial motion and twist, by frequency.
+    """Return the lateral eigenvalues with positive imaginary part, by frequency.
 
-    In a straight rotor these two are coupled with nothing else.
+    Axial and torsional motion is removed: in a straight rotor it is not coupled to the lateral motion.
     """
-    kept = [DOFS * node + dof for node in range(nodes) for dof in LATERAL]
+    dofs = [DOFS * node + dof for node in range(nodes) for dof in LATERAL]
     rings = (rotor.ndof - DOFS * nodes) // 3
-    kept += [DOFS * nodes + 3 * ring + dof for ring in range(rings) for dof in (0, 1)]
-    pick = np.ix_(kept, kept)
+    dofs += [DOFS * nodes + 3 * ring + dof for ring in range(rings) for dof in (0, 1)]
+    pick = np.ix_(dofs, dofs)
     M, K, C, G = rotor.M()[pick], rotor.K(0)[pick], rotor.C(0)[pick], rotor.G()[pick]
-    n = len(kept)
+    n = len(dofs)
     zero, one = np.zeros((n, n)), np.eye(n)
-    scale = 1e4  # 1/s: brings velocities to the size of displacements
+    scale = 1e4  # 1/s: scales velocities to the size of displacements
     left = np.block([[zero, scale * one], [-K / scale, -(C + speed * G)]])
     right = np.block([[one, zero], [zero, M]])
     values = eig(left, right, right=False)
@@ -113,7 +113,7 @@ def lateral_eigenvalues(rotor: Any, nodes: int, speed: float) -> Any:
 
 
 def rotors() -> Iterator[tuple[str, Tables, list[Tables]]]:
-    """Yield name, document and supports of each rotor."""
+    """Yield name, rotor file and supports of each rotor."""
     gj90c = tomllib.loads((MODEL / "gj90c.toml").read_text(encoding="utf-8"))
     journals = [journal["station"] for journal in gj90c["journal"]]
     yield "gj90c", gj90c, [{"station": station, "stiffness_n_m": SPRING} for station in journals]
@@ -123,7 +123,7 @@ def rotors() -> Iterator[tuple[str, Tables, list[Tables]]]:
 
 
 def response(rotor: Any, nodes: int, document: Tables, speeds: tuple[float, ...]) -> list[Any]:
-    """Return ROSS's response to the document's imbalances, as [speed][x or y][station] of real and imaginary parts."""
+    """Return the response to the imbalances of a rotor file: [speed][x or y][station], real and imaginary parts."""
     found = rotor.run_unbalance_response(
         [one["station"] - 1 for one in document["imbalance"]],
         [one["magnitude_kg_m"] for one in document["imbalance"]],
@@ -135,7 +135,7 @@ def response(rotor: Any, nodes: int, document: Tables, speeds: tuple[float, ...]
 
 
 def campbell_time() -> float:
-    """Return how long ROSS takes for the Campbell diagram of the GJ90C at 17 speeds, s, a fresh rotor each time."""
+    """Return the time of ROSS for the Campbell diagram of the GJ90C at 17 speeds, s, with a new rotor each time."""
     _, document, supports = next(rotors())
     speeds = np.arange(0.0, 8001.0, 500.0)
     times = []
@@ -148,7 +148,7 @@ def campbell_time() -> float:
 
 
 def main(target: str) -> None:
-    """Write what ROSS says, or how long it takes where the target is "time"."""
+    """Write the results of ROSS, or print its computing time if the target is "time"."""
     if target == "time":
         print(campbell_time())
         return

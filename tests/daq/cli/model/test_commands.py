@@ -1,4 +1,4 @@
-"""`rig model`: tables, JSON and pictures of every study, and one clear message for what cannot be."""
+"""`rig model`: table, JSON and plots of every study; error messages."""
 
 import json
 import subprocess
@@ -49,7 +49,7 @@ def test_study_prints_a_table_and_draws_labelled_axes(name: str, tmp_path: Path,
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_study_of_another_rotor_is_another_study(name: str, tmp_path: Path, capsys: Capture) -> None:
+def test_study_depends_on_the_rotor(name: str, tmp_path: Path, capsys: Capture) -> None:
     rotor = tmp_path / "rotor.toml"
     rotor.write_text(OTHER, encoding="utf-8")
     rows = document(capsys, name, str(rotor), *STUDIES[name])["rows"]
@@ -106,40 +106,40 @@ def test_rotor_without_films_is_studied_on_its_supports(plain: str, capsys: Capt
         if name in {"modes", "campbell", "response"}:
             assert document(capsys, name, plain, *arguments)["rows"]
     rows = document(capsys, "response", plain, "--speeds", "100:900:5", "--station", "2")["rows"]
-    # a disc of 2 kg on springs and shaft: U / m below its critical speed in phase, above it against, at all but that
+    # A disc of 2 kg on springs and shaft: in phase with the imbalance below the critical speed, in antiphase above.
     assert rows[0]["lag_deg"] < 5
     assert "up_lag_deg" not in rows[0]
 
 
 @pytest.mark.parametrize("name", ["onset", "waterfall", "bifurcation", "motion", "lubrication", "film"])
-def test_study_of_films_of_a_rotor_without_is_refused(name: str, plain: str, capsys: Capture) -> None:
+def test_film_study_of_a_rotor_without_films_is_refused(name: str, plain: str, capsys: Capture) -> None:
     assert main(["model", name, plain]) == 2
-    told = capsys.readouterr().err
-    assert told == "rig: bearing: none, expected a rotor on oil films, with [bearing] in its file\n"
+    message_text = capsys.readouterr().err
+    assert message_text == "rig: bearing: none, expected a rotor on oil films, with [bearing] in its file\n"
 
 
-def test_what_needs_journals_of_a_rotor_without_is_refused(plain: str, tmp_path: Path, capsys: Capture) -> None:
+def test_journal_study_of_a_rotor_without_journals_is_refused(plain: str, tmp_path: Path, capsys: Capture) -> None:
     sweep = ["sweep", plain, "-o", str(tmp_path / "x.parquet"), "--quantity"]
-    for arguments, said in (
+    for arguments, message in (
         (["critical", plain], "journal: none, expected two stations for bearings or springs"),
         (["modes", plain, "--stiffness-n-m", "1e6"], "journal: none, expected two stations"),
         ([*sweep, "onset", "--vary", "viscosity_pa_s=0.01,0.02"], "quantity: onset needs oil films"),
         ([*sweep, "critical", "--vary", "stiffness_n_m=1e4,1e5"], "journal: none, expected two stations"),
     ):
         assert main(["model", *arguments]) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err
 
 
-def test_fault_of_a_rotors_own_file_is_told_with_the_file(tmp_path: Path, capsys: Capture) -> None:
+def test_fault_in_a_rotor_file_names_the_file(tmp_path: Path, capsys: Capture) -> None:
     rotor = tmp_path / "rotor.toml"
     rotor.write_text(OTHER.replace("clearance_um = 60,", "clearance_um = -60,"), encoding="utf-8")
     assert main(["model", "modes", str(rotor)]) == 2
-    told = capsys.readouterr().err
-    assert "rub[0].clearance_um = -60 µm: expected a finite value above 0" in told
-    assert "rotor.toml" in told
+    message_text = capsys.readouterr().err
+    assert "rub[0].clearance_um = -60 µm: expected a finite value above 0" in message_text
+    assert "rotor.toml" in message_text
 
 
-def test_same_study_gives_the_same_picture(tmp_path: Path, capsys: Capture) -> None:
+def test_plots_of_equal_studies_are_equal(tmp_path: Path, capsys: Capture) -> None:
     for name in ("a.svg", "b.svg"):
         assert main(["model", "modes", "-o", str(tmp_path / name)]) == 0
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
@@ -154,7 +154,7 @@ def test_modes_are_those_of_table_5_2(capsys: Capture) -> None:
     assert forward == pytest.approx([1730.2, 5044.9, 11975.2], abs=0.06)
 
 
-def test_campbell_follows_a_branch_of_table_5_3_and_names_the_critical_speeds(capsys: Capture) -> None:
+def test_campbell_tracks_a_branch_of_table_5_3_and_lists_critical_speeds(capsys: Capture) -> None:
     found = document(capsys, "campbell", "--speeds", "0:8000:17")
     first_bending = [row["branch_6_hz"] for row in found["rows"]]
     assert [first_bending[0], first_bending[-1]] == pytest.approx([1731.7, 2409.3], abs=0.06)
@@ -186,7 +186,7 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
         (["motion", "--seed-um", "50"], "seed: 50 µm, expected 0 or more and less than the inner clearance of 20 µm"),
     ],
 )
-def test_what_cannot_be_is_said_in_one_message(arguments: list[str], message: str, capsys: Capture) -> None:
+def test_invalid_arguments_are_one_message(arguments: list[str], message: str, capsys: Capture) -> None:
     assert main(["model", *arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
@@ -194,7 +194,7 @@ def test_what_cannot_be_is_said_in_one_message(arguments: list[str], message: st
 
 
 @pytest.mark.parametrize("wrong", ["1:2", "2:1:1", "0:10:5", "a,b", "5:1:9", "1:inf:4"])
-def test_range_that_makes_no_sense_is_told(wrong: str, capsys: Capture) -> None:
+def test_invalid_range_is_refused(wrong: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
         main(["model", "onset", "--speeds", wrong])
     assert "expected" in capsys.readouterr().err
@@ -209,13 +209,13 @@ from daq.cli.main import main
 sys.exit(sum(main(["model", *command]) != 2 for command in {commands!r}))
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    told = done.stderr.splitlines()
+    message_text = done.stderr.splitlines()
     assert done.returncode == 0, done.stderr
-    assert [line.partition("install 'rig-service[")[2] for line in told] == ["plots]'", "dask]'", "formats]'"]
+    assert [line.partition("install 'rig-service[")[2] for line in message_text] == ["plots]'", "dask]'", "formats]'"]
     assert not list(tmp_path.iterdir())
 
 
-def test_sweep_prints_its_points_and_is_taken_up_again(tmp_path: Path, capsys: Capture) -> None:
+def test_sweep_prints_its_points_and_resumes(tmp_path: Path, capsys: Capture) -> None:
     file = tmp_path / "out.parquet"
     arguments = ["sweep", "--vary", "stiffness_n_m=1e4,1e7", "--quantity", "critical", "-o", str(file)]
     picture = tmp_path / "out.svg"
@@ -225,7 +225,7 @@ def test_sweep_prints_its_points_and_is_taken_up_again(tmp_path: Path, capsys: C
     assert document(capsys, *arguments)["rows"] == first
 
 
-def test_output_that_nobody_reads_to_its_end_is_no_fault() -> None:
+def test_closed_output_pipe_is_no_error() -> None:
     command = [sys.executable, "-m", "daq.cli.main", "model", "campbell", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None

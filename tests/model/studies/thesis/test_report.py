@@ -1,4 +1,4 @@
-"""A stated number beside a computed one."""
+"""Comparison of stated and computed numbers."""
 
 import pytest
 
@@ -18,7 +18,7 @@ from model.studies.thesis.report import Comparison, Relation
         (Relation.AT_LEAST, 8.9, False),
     ],
 )
-def test_comparison_tells_whether_a_number_stands_to_the_stated_one_as_it_should(
+def test_comparison_is_reproduced_within_its_relation_and_tolerance(
     relation: Relation, computed: float, *, is_reproduced: bool
 ) -> None:
     comparison = Comparison("Fig. 1", "a length", "m", 10.0, computed, 1.0, relation)
@@ -26,7 +26,7 @@ def test_comparison_tells_whether_a_number_stands_to_the_stated_one_as_it_should
     assert comparison.deviation == pytest.approx(computed - 10)
 
 
-def test_comparison_with_nothing_computed_is_not_reproduced() -> None:
+def test_comparison_without_computed_value_is_not_reproduced() -> None:
     comparison = Comparison("Fig. 1", "a length", "m", 10.0, None, 1.0)
     assert not comparison.is_reproduced
     assert comparison.deviation is None
