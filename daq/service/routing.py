@@ -55,7 +55,7 @@ class BoundedThreadPool:
     async def run(self, function: Callable[[], ResultT]) -> ResultT:
         """Return the result of ``function``, run in a thread; ProblemError (busy) if too many are waiting."""
         if self._pending >= self._capacity:
-            raise ProblemError(ProblemType.BUSY, f"{self._pending} requests for files are under way or waiting already")
+            raise ProblemError(ProblemType.BUSY, f"{self._pending} requests are in progress or waiting already")
         self._pending += 1  # here and not in the limiter, which counts only when the event loop comes round
         try:
             return await to_thread.run_sync(function, limiter=self._limiter)

@@ -11,7 +11,7 @@ from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
 from daq.service.jobs.execution import fraction_reporter
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, Task
-from daq.service.schemas.importing import ImportRequest, RigFromToml
+from daq.service.schemas.uploads import ImportRequest, RigFromToml
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
 from daq.session.runout_reference import with_reference_runout

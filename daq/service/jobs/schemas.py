@@ -13,7 +13,7 @@ from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import Job, JobState
-from daq.service.schemas.importing import ImportRequest, validate_as_file
+from daq.service.schemas.uploads import ImportRequest, validate_as_file
 
 JOBS = "/api/v1/jobs"
 

@@ -22,7 +22,7 @@ from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTET_STREAM, file_response
 from daq.service.routes.analyses import PLOT_SCHEMAS, PLOT_TYPES
 from daq.service.routing import API_PREFIX, EVENT_STREAM, BoundedThreadPool, Routing, event_stream
-from daq.service.schemas.importing import ImportRequest, RigFromRun, RigFromToml
+from daq.service.schemas.uploads import ImportRequest, RigFromRun, RigFromToml
 from daq.service.stream import LiveFeed, require_ended
 from daq.service.uploads import UploadNotFoundError, UploadStore
 from recordings.catalogue.catalogue import RunEntry
