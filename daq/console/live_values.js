@@ -158,7 +158,7 @@ function drawWhirl({ measured, predicted, limits, status }) {
   write("whirl-model", expected ? formatOrder(expected.order) : predicted ? "none" : "–");
   write("whirl-model-size", expected ? `${formatMicrometres(expected.amplitude_peak_um)} µm` : "");
   const growth = predicted?.growth_rate_per_s;
-  write("whirl-model-note", isKnown(growth) ? `oil film ${growth > 0 ? "unstable" : "stable"} · ${growth > 0 ? "+" : ""}${formatFixed(growth, 0)} 1/s` : "");
+  write("whirl-model-note", isKnown(growth) ? `film ${growth > 0 ? "unstable" : "stable"} · ${growth > 0 ? "+" : ""}${formatFixed(growth, 0)} 1/s` : "");
 }
 
 function drawStatus({ measured, predicted, status }) {

@@ -36,7 +36,7 @@ function make(tag, properties = {}, ...children) {
 export function plotsOf(run) {
   const speed = make("input", { type: "number", min: 1, step: "any", placeholder: "max. vibration", ariaLabel: "Speed, r/min" });
   const note = make("p", { className: "note", role: "status" });
-  const image = make("img", { alt: "", hidden: true });
+  const plot = make("img", { alt: "", hidden: true });
   const save = make("a", { textContent: "Save plot", hidden: true });
   let latest = 0;
 
@@ -47,9 +47,9 @@ export function plotsOf(run) {
     try {
       const image = await plotImage(run, kind, parameters, showProgress);
       if (number !== latest) return;
-      URL.revokeObjectURL(image.src);
-      Object.assign(image, { src: URL.createObjectURL(image), alt: `${name} of ${run}`, hidden: false });
-      Object.assign(save, { href: image.src, download: `${run}-${name.replaceAll(" ", "-")}.svg`, hidden: false });
+      URL.revokeObjectURL(plot.src);
+      Object.assign(plot, { src: URL.createObjectURL(image), alt: `${name} of ${run}`, hidden: false });
+      Object.assign(save, { href: plot.src, download: `${run}-${name.replaceAll(" ", "-")}.svg`, hidden: false });
       note.textContent = "";
     } catch (error) {
       showProgress(error.message);
@@ -65,7 +65,7 @@ export function plotsOf(run) {
     make("div", {}, make("span", { textContent: "over the run" }), ...PLOTS_OF_RUN.map((one) => button(one))),
     make("div", {}, make("label", {}, "at r/min ", speed), ...PLOTS_AT_TIME.map((one) => button(one, at))),
     note,
-    image,
+    plot,
     save,
   );
 }
