@@ -210,17 +210,17 @@ class LiveSchema(Schema):
     )
 
 
-def live_schema(frame: LiveUpdate) -> LiveSchema:
+def live_schema(update: LiveUpdate) -> LiveSchema:
     """Return the schema of a live update."""
-    header, snapshot, prediction = frame.header, frame.snapshot, frame.prediction
+    header, snapshot, prediction = update.header, update.snapshot, update.prediction
     return LiveSchema(
         run=header.run,
         rig=header.rig,
         started_at=utc_time(header.started_ns),
         device=device_schema(header.acquisition.device),
         limits=limits_schema(header.limits),
-        runout=runout_schema(header.settings.runout, frame.runout),
-        status=_status(frame.status),
+        runout=runout_schema(header.settings.runout, update.runout),
+        status=_status(update.status),
         measured=None if snapshot is None else _measured(snapshot, header),
         predicted=None if prediction is None else predicted_vibration_schema(prediction),
     )

@@ -185,10 +185,10 @@ class LiveCurvesSchema(Schema):
     predicted: OrbitAndSpectrumSchema | None = Field(description="Predicted; null where speed or prediction is unknown")
 
 
-def live_curves_schema(frame: LiveUpdate) -> LiveCurvesSchema:
+def live_curves_schema(update: LiveUpdate) -> LiveCurvesSchema:
     """Return the schema of the curves of a live update."""
-    header, prediction = frame.header, frame.prediction
-    measured = None if frame.snapshot is None else frame.snapshot.frame
+    header, prediction = update.header, update.prediction
+    measured = None if update.snapshot is None else update.snapshot.frame
     return LiveCurvesSchema(
         run=header.run,
         points_per_revolution=header.settings.points_per_revolution,

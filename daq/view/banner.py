@@ -18,18 +18,18 @@ _BLOCKS: dict[Severity, tuple[str, Color, Color]] = {
 }
 
 
-def banner(frame: LiveUpdate) -> Drawing:
+def banner(update: LiveUpdate) -> Drawing:
     """Return the strip for one moment."""
     drawing = Drawing()
-    _speed(drawing, frame)
-    _overall(drawing, frame)
-    _severity(drawing, frame)
-    _recording(drawing, frame.status, _trouble(frame))
+    _speed(drawing, update)
+    _overall(drawing, update)
+    _severity(drawing, update)
+    _recording(drawing, update.status, _trouble(update))
     return drawing
 
 
-def _speed(drawing: Drawing, frame: LiveUpdate) -> None:
-    snapshot = frame.snapshot
+def _speed(drawing: Drawing, update: LiveUpdate) -> None:
+    snapshot = update.snapshot
     if snapshot is None or not math.isfinite(snapshot.speed):
         drawing.text("--", (535.0, 140.0), 105.0, QUIET, Anchor.RIGHT)
         why = "no data" if snapshot is None else f"tacho: {snapshot.tacho.state.value}"
@@ -42,21 +42,21 @@ def _speed(drawing: Drawing, frame: LiveUpdate) -> None:
         drawing.text("▲" if acceleration > 0.0 else "▼", (562.0, 86.0), 50.0, TEXT)
 
 
-def _overall(drawing: Drawing, frame: LiveUpdate) -> None:
+def _overall(drawing: Drawing, update: LiveUpdate) -> None:
     drawing.text("µm peak-to-peak", (735.0, 38.0), 22.0, QUIET)
     for name, row, color, left in (("x", 0, MEASURED_X, 735.0), ("y", 1, MEASURED_Y, 940.0)):
-        value = "--" if frame.snapshot is None else f"{frame.snapshot.peak_to_peak[row] * 1e6:.0f}"
+        value = "--" if update.snapshot is None else f"{update.snapshot.peak_to_peak[row] * 1e6:.0f}"
         drawing.text(name, (left, 116.0), 36.0, color)
         drawing.text(value, (left + 42.0, 116.0), 58.0, color)
-    limits = frame.header.limits
+    limits = update.header.limits
     text = f"alarm {limits.peak_to_peak_alarm * 1e6:.0f}   danger {limits.peak_to_peak_danger * 1e6:.0f}"
     drawing.text(text, (735.0, 160.0), 20.0, QUIET)
 
 
-def _severity(drawing: Drawing, frame: LiveUpdate) -> None:
-    status = frame.status
+def _severity(drawing: Drawing, update: LiveUpdate) -> None:
+    status = update.status
     now, paper, ink = _BLOCKS[status.severity]
-    if frame.snapshot is None:
+    if update.snapshot is None:
         now, paper, ink = "NO DATA", GRID, TEXT
     elif status.alarms and status.severity is Severity.NORMAL:
         now, paper, ink = "LATCHED", GRID, TEXT
@@ -69,8 +69,8 @@ def _severity(drawing: Drawing, frame: LiveUpdate) -> None:
         text = worst_alarm(status.alarms)
         drawing.block(1150.0, 10.0, 270.0, 38.0, paper)
         drawing.text(text, (1285.0, 38.0), min(20.0, 250.0 / text_width(text)), ink, Anchor.CENTRE)
-    if not _trouble(frame):
-        drawing.text(frame.header.rig[:16], (1285.0, 160.0), 22.0, QUIET, Anchor.CENTRE)
+    if not _trouble(update):
+        drawing.text(update.header.rig[:16], (1285.0, 160.0), 22.0, QUIET, Anchor.CENTRE)
 
 
 _STATES: dict[RunState, tuple[str, Color]] = {
@@ -85,13 +85,13 @@ _STATES: dict[RunState, tuple[str, Color]] = {
 }
 
 
-def _trouble(frame: LiveUpdate) -> str:
+def _trouble(update: LiveUpdate) -> str:
     """Return what went wrong, or else why what is measured cannot be trusted as it stands; empty where all is well."""
-    status, snapshot = frame.status, frame.snapshot
+    status, snapshot = update.status, update.snapshot
     if status.detail or snapshot is None:
         return status.detail
     doubts = [f"{each.channel} CLIPPED {each.samples:,}" for each in status.clipped]
-    probes = [channel.name for channel in frame.header.acquisition.channels if channel.role is not Role.TACHO]
+    probes = [channel.name for channel in update.header.acquisition.channels if channel.role is not Role.TACHO]
     doubts += [
         f"probe {name} reads {volts:.2f} V, out of its window"
         for name, volts, ok in zip(probes, snapshot.gap_volts, snapshot.gap_ok, strict=True)

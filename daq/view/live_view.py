@@ -1,4 +1,4 @@
-"""The live view: a server for rerun's viewer, fed by a thread of its own that draws the latest frame only."""
+"""The live view: a server for rerun's viewer, fed by a thread of its own that draws the latest live update only."""
 
 import socket
 import threading
@@ -22,10 +22,10 @@ _EVERYWHERE = ("0.0.0.0", "::", "")  # noqa: S104 - compared with, not bound to
 
 
 class LiveView:
-    """Shows the latest frame in rerun's viewer, in any browser.
+    """Shows the latest live update in rerun's viewer, in any browser.
 
     One thread alone touches rerun. Whatever becomes of it, of the server or of a browser that cannot keep up, `offer`
-    returns at once: the frame waiting in the slot is replaced, and counted.
+    returns at once: the update waiting in the slot is replaced, and counted.
 
     Parameters
     ----------
@@ -91,17 +91,17 @@ class LiveView:
         """Why nothing is drawn any more, for the operator; empty where all is well."""
         return self._failure or self._pages.failure
 
-    def offer(self, frame: LiveUpdate) -> None:
-        """Show this frame when there is time; never blocks."""
+    def offer(self, update: LiveUpdate) -> None:
+        """Show this update when there is time; never blocks."""
         with self._wake:
             if self._slot is not None:
                 self._dropped += 1
-            self._slot = frame
+            self._slot = update
             self._wake.notify()
 
     @property
     def waiting(self) -> bool:
-        """Whether a frame waits to be drawn."""
+        """Whether an update waits to be drawn."""
         return self._slot is not None
 
     def wait_ready(self, timeout: float) -> bool:
@@ -119,11 +119,11 @@ class LiveView:
         return not self._thread.is_alive()
 
     def _take(self) -> LiveUpdate | None:
-        """Wait for the next frame; None at the end."""
+        """Wait for the next update; None at the end."""
         with self._wake:
             self._wake.wait_for(lambda: self._slot is not None or self._closing)
-            frame, self._slot = self._slot, None
-            return frame
+            update, self._slot = self._slot, None
+            return update
 
     def _run(self) -> None:
         self._pages.serve(self._data_origins)
@@ -144,13 +144,13 @@ class LiveView:
 
     def _draw(self, stream: rr.RecordingStream) -> None:
         presenter, run = None, None
-        while (frame := self._take()) is not None:
+        while (update := self._take()) is not None:
             started = time.monotonic()
-            if presenter is None or frame.header.run != run:
-                presenter, run = Presenter(stream, frame.header), frame.header.run
-                stream.send_blueprint(operator_blueprint(frame.header), make_active=True, make_default=True)
-            status = replace(frame.status, dropped_updates=self._dropped)
-            presenter.show(replace(frame, status=status))
+            if presenter is None or update.header.run != run:
+                presenter, run = Presenter(stream, update.header), update.header.run
+                stream.send_blueprint(operator_blueprint(update.header), make_active=True, make_default=True)
+            status = replace(update.status, dropped_updates=self._dropped)
+            presenter.show(replace(update, status=status))
             rest = _SHORTEST - (time.monotonic() - started)
             if rest > 0.0 and not self._closing:
                 time.sleep(rest)

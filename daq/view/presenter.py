@@ -1,4 +1,4 @@
-"""Turns frames of a run into what the viewer draws; the same live and in replay.
+"""Turns live updates of a run into what the viewer draws; the same live and in replay.
 
 What stands where on the operator's screen.
 """
@@ -80,7 +80,7 @@ def _drawn(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) ->
 
 
 _UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
-# Every how many frames, of ten a second, things are drawn. A browser without a graphics card takes in some twenty-five
+# Every how many updates, of ten a second, things are drawn. A browser without a graphics card takes in some twenty-five
 # pieces a second and never leaves one out: whatever is sent beyond that is seen late.
 _FAST = 3  # orbit and banner
 _MIDDLE = 6  # spectra, traces, signals
@@ -116,50 +116,50 @@ class Presenter:
         self._trend = TrendPlot()
         self._model_points = header.settings.points_per_revolution
 
-    def show(self, frame: LiveUpdate) -> None:
-        """Log what is due of a frame, at its time in the run."""
-        self._stream.set_time(self._timeline, duration=frame.status.elapsed)
-        snapshot = frame.snapshot
+    def show(self, update: LiveUpdate) -> None:
+        """Log what is due of an update, at its time in the run."""
+        self._stream.set_time(self._timeline, duration=update.status.elapsed)
+        snapshot = update.snapshot
         if snapshot is not None:
-            self._cascade.add(snapshot, frame.prediction)
-            self._waterfall.add(snapshot, frame.prediction, frame.status.elapsed)
-            self._bode.add(snapshot.frame, frame.prediction)
-            self._trend.add(snapshot, frame.prediction, frame.status.elapsed)
+            self._cascade.add(snapshot, update.prediction)
+            self._waterfall.add(snapshot, update.prediction, update.status.elapsed)
+            self._bode.add(snapshot.frame, update.prediction)
+            self._trend.add(snapshot, update.prediction, update.status.elapsed)
         if self._count % _FAST == 0:
-            banner.banner(frame).log(self._stream, "banner")
-            self._show_orbit(frame)
+            banner.banner(update).log(self._stream, "banner")
+            self._show_orbit(update)
         if self._count % _MIDDLE == 0:
-            self._show_spectrum(frame)
-            self._show_traces(frame)
-            words(frame).log(self._stream, "words")
+            self._show_spectrum(update)
+            self._show_traces(update)
+            words(update).log(self._stream, "words")
         if self._count % _SLOW == 0:
-            self._show_by_speed(frame)
+            self._show_by_speed(update)
         if self._count % _SLOWEST == 0:
-            self._show_waterfall(frame)
-            self._show_trend(frame)
-            self._stream.log("details", rr.TextDocument(details(frame), media_type=rr.MediaType.MARKDOWN))
+            self._show_waterfall(update)
+            self._show_trend(update)
+            self._stream.log("details", rr.TextDocument(details(update), media_type=rr.MediaType.MARKDOWN))
         self._count += 1
 
-    def _show_orbit(self, frame: LiveUpdate) -> None:
-        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
-        self._axes("orbit/axes", self._orbit.follow(order_frame, frame.prediction), self._orbit.axes)
-        self._orbit.model(frame.prediction, self._model_points).log(self._stream, "orbit/model", draw_order=_OVER)
+    def _show_orbit(self, update: LiveUpdate) -> None:
+        order_frame = update.snapshot.frame if update.snapshot is not None else None
+        self._axes("orbit/axes", self._orbit.follow(order_frame, update.prediction), self._orbit.axes)
+        self._orbit.model(update.prediction, self._model_points).log(self._stream, "orbit/model", draw_order=_OVER)
         self._orbit.measured(order_frame).log(self._stream, "orbit/measured", draw_order=_TOP)
 
-    def _show_spectrum(self, frame: LiveUpdate) -> None:
-        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
-        self._axes("spectrum/axes", self._spectrum.follow(order_frame, frame.prediction), self._spectrum.axes)
-        self._spectrum.model(frame.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
+    def _show_spectrum(self, update: LiveUpdate) -> None:
+        order_frame = update.snapshot.frame if update.snapshot is not None else None
+        self._axes("spectrum/axes", self._spectrum.follow(order_frame, update.prediction), self._spectrum.axes)
+        self._spectrum.model(update.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
         self._spectrum.measured(order_frame).log(self._stream, "spectrum/measured", draw_order=_TOP)
-        names = self._spectrum.names(order_frame, frame.prediction)
+        names = self._spectrum.names(order_frame, update.prediction)
         names.log(self._stream, "spectrum/names", draw_order=_TOP + 1.0)
 
-    def _show_traces(self, frame: LiveUpdate) -> None:
-        self._axes("traces/axes", self._traces.follow(frame.snapshot), self._traces.axes)
-        self._traces.lines(frame.snapshot, frame.status.markers).log(self._stream, "traces/lines", draw_order=_OVER)
+    def _show_traces(self, update: LiveUpdate) -> None:
+        self._axes("traces/axes", self._traces.follow(update.snapshot), self._traces.axes)
+        self._traces.lines(update.snapshot, update.status.markers).log(self._stream, "traces/lines", draw_order=_OVER)
 
-    def _show_by_speed(self, frame: LiveUpdate) -> None:
-        order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    def _show_by_speed(self, update: LiveUpdate) -> None:
+        order_frame = update.snapshot.frame if update.snapshot is not None else None
         self._axes("cascade/axes", 0, self._cascade.axes)
         self._stream.log("cascade/measured", self._cascade.picture())
         self._cascade.lines(order_frame).log(self._stream, "cascade/model", draw_order=_TOP)
@@ -167,16 +167,16 @@ class Presenter:
         self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
         self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
 
-    def _show_waterfall(self, frame: LiveUpdate) -> None:
+    def _show_waterfall(self, update: LiveUpdate) -> None:
         self._axes("waterfall/axes", 0, self._waterfall.axes)
         self._stream.log("waterfall/measured", self._waterfall.picture())
-        lines = self._waterfall.lines(frame.status.elapsed, frame.status.markers)
+        lines = self._waterfall.lines(update.status.elapsed, update.status.markers)
         lines.log(self._stream, "waterfall/model", draw_order=_TOP)
 
-    def _show_trend(self, frame: LiveUpdate) -> None:
-        elapsed = frame.status.elapsed
+    def _show_trend(self, update: LiveUpdate) -> None:
+        elapsed = update.status.elapsed
         self._axes("trend/axes", self._trend.follow(elapsed), lambda: self._trend.axes(elapsed))
-        self._trend.lines(elapsed, frame.status.markers).log(self._stream, "trend/lines", draw_order=_OVER)
+        self._trend.lines(elapsed, update.status.markers).log(self._stream, "trend/lines", draw_order=_OVER)
 
     def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
         """Log a plot's frame where its scale has changed, and now and then."""

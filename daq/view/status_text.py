@@ -81,18 +81,18 @@ def legible(text: str) -> str:
     return "".join(c if c == "\n" or (c.isprintable() and ord(c) <= _LAST_LATIN) or c in "–—…" else "?" for c in text)
 
 
-def details(frame: LiveUpdate) -> str:
+def details(update: LiveUpdate) -> str:
     """Return the page for one moment, markdown."""
-    lines = [f"# {_below_synchronous(frame)}", "", "| | x | y |", "|---|---|---|"]
-    if frame.snapshot is not None:
-        lines += _shaft(frame, frame.snapshot)
-    lines += ["", *_system(frame)]
+    lines = [f"# {_below_synchronous(update)}", "", "| | x | y |", "|---|---|---|"]
+    if update.snapshot is not None:
+        lines += _shaft(update, update.snapshot)
+    lines += ["", *_system(update)]
     return legible("\n".join(lines))
 
 
-def _below_synchronous(frame: LiveUpdate) -> str:
+def _below_synchronous(update: LiveUpdate) -> str:
     """Say what moves below 1X, and what the model expects there."""
-    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    order_frame = update.snapshot.frame if update.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
     said = "nothing below 1X" if order_frame is not None else "no spectrum yet"
     if whirl is not None:
@@ -100,7 +100,7 @@ def _below_synchronous(frame: LiveUpdate) -> str:
         said = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"
     for other in () if order_frame is None else order_frame.whirls[1:]:
         said += f", {other.order:.2f}X {micrometres(other.amplitude)} {'forward' if other.is_forward else 'backward'}"
-    prediction = frame.prediction
+    prediction = update.prediction
     if prediction is None:
         return said
     if prediction.whirl_amplitude > 0.0:
@@ -108,9 +108,9 @@ def _below_synchronous(frame: LiveUpdate) -> str:
     return f"{said} (model: none)"
 
 
-def _shaft(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
+def _shaft(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
     rows = [_row("**peak-to-peak**", [micrometres(float(v)) for v in snapshot.peak_to_peak])]
-    prediction = frame.prediction
+    prediction = update.prediction
     if prediction is not None:
         rows.append(_row("model", [micrometres(float(v)) for v in prediction.peak_to_peak]))
     if snapshot.frame is not None:
@@ -135,26 +135,28 @@ def _row(name: str, values: list[str]) -> str:
     return f"| {name} | {' | '.join(values)} |"
 
 
-def _system(frame: LiveUpdate) -> list[str]:
-    status = frame.status
-    lines = [f"## {status.state.value} · {frame.header.run}"]
+def _system(update: LiveUpdate) -> list[str]:
+    status = update.status
+    lines = [f"## {status.state.value} · {update.header.run}"]
     if status.detail:
         lines.append(f"**{status.detail}**")
-    lines.append(f"- **{status.samples:,}** samples a channel, lost **{_lost(frame)}**, backlog {status.backlog:.2f} s")
+    lines.append(
+        f"- **{status.samples:,}** samples a channel, lost **{_lost(update)}**, backlog {status.backlog:.2f} s"
+    )
     lines.append(
         f"- disk {hours(status.disk_left)}; not analysed live {status.skipped:,}; not drawn {status.dropped_updates:,}"
     )
-    if frame.snapshot is not None:
-        lines += _signals(frame, frame.snapshot)
-    lines.append(f"- model: {status.model}{_model(frame.prediction)}")
+    if update.snapshot is not None:
+        lines += _signals(update, update.snapshot)
+    lines.append(f"- model: {status.model}{_model(update.prediction)}")
     return lines
 
 
-def _lost(frame: LiveUpdate) -> str:
-    return f"{'' if frame.status.lost_is_exact else 'at least '}{frame.status.lost:,}"
+def _lost(update: LiveUpdate) -> str:
+    return f"{'' if update.status.lost_is_exact else 'at least '}{update.status.lost:,}"
 
 
-def _signals(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
+def _signals(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
     tacho = snapshot.tacho
     state = tacho.state.value if tacho.state is TachoState.GOOD else f"**{tacho.state.value.upper()}**"
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
@@ -164,8 +166,8 @@ def _signals(frame: LiveUpdate, snapshot: Snapshot) -> list[str]:
     if snapshot.counter is not None:
         told = "; ".join(filter(None, (snapshot.counter.message, snapshot.counter.recent_message)))
         compared = f"**{told}**" if told else "counter and samples agree"
-        lines.append(f"- speed and phase from the {frame.header.acquisition.tacho.reference}; {compared}")
-    channels = frame.header.acquisition.channels
+        lines.append(f"- speed and phase from the {update.header.acquisition.tacho.reference}; {compared}")
+    channels = update.header.acquisition.channels
     clipped = [f"{channel.name} {count:,}" for channel, count in zip(channels, snapshot.clipped, strict=True) if count]
     lines.append(f"- **CLIPPED** {', '.join(clipped)} samples" if clipped else "- clipping none")
     return lines
@@ -185,10 +187,10 @@ _SIZE = 8.0
 _LEFT, _X, _Y = 4.0, 186.0, 296.0  # of the table: names, and the right ends of both columns
 
 
-def words(frame: LiveUpdate) -> Drawing:
+def words(update: LiveUpdate) -> Drawing:
     """Return the table for one moment."""
     drawing = Drawing()
-    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    order_frame = update.snapshot.frame if update.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
     said, color = "nothing below 1X" if order_frame is not None else "no spectrum yet", QUIET
     if whirl is not None:
@@ -199,16 +201,16 @@ def words(frame: LiveUpdate) -> Drawing:
         others = ", ".join(f"{one.order:.2f}X {micrometres(one.amplitude)}" for one in order_frame.whirls[1:])
         text = f"also {others}"
         drawing.text(text, (_Y, 39.0), min(_SIZE, 124.0 / text_width(text)), TEXT, Anchor.RIGHT)
-    drawing.text(_expected(frame.prediction), (_LEFT, 39.0), _SIZE, MODEL)
+    drawing.text(_expected(update.prediction), (_LEFT, 39.0), _SIZE, MODEL)
     drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
-    at = _vectors(drawing, frame, 59.0) + 7.0
+    at = _vectors(drawing, update, 59.0) + 7.0
     drawing.line([(_LEFT, at - 13.0), (_Y, at - 13.0)], FRAME, 0.7)
-    if frame.snapshot is not None:
-        at = _signal_rows(drawing, frame, frame.snapshot, at)
-    status = frame.status
+    if update.snapshot is not None:
+        at = _signal_rows(drawing, update, update.snapshot, at)
+    status = update.status
     missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_updates:,}"
     _line(drawing, at, missed, ALARM if status.skipped else QUIET)
-    basis_said = "" if frame.prediction is None else f", {basis(frame.prediction)}"
+    basis_said = "" if update.prediction is None else f", {basis(update.prediction)}"
     _line(drawing, at + 14.0, f"model {status.model}{basis_said}", MODEL)
     return drawing
 
@@ -224,9 +226,9 @@ def _expected(prediction: Prediction | None) -> str:
     return f"model: nothing below 1X{stable}"
 
 
-def _vectors(drawing: Drawing, frame: LiveUpdate, at: float) -> float:
+def _vectors(drawing: Drawing, update: LiveUpdate, at: float) -> float:
     """Write the vectors' table from line ``at`` on; return the line after it."""
-    order_frame = frame.snapshot.frame if frame.snapshot is not None else None
+    order_frame = update.snapshot.frame if update.snapshot is not None else None
     drawing.text(f"peak, lag{_sure(order_frame)}", (_LEFT, at), _SIZE, QUIET)
     drawing.text("x", (_X, at), _SIZE, MEASURED_X, Anchor.RIGHT)
     drawing.text("y", (_Y, at), _SIZE, MEASURED_Y, Anchor.RIGHT)
@@ -238,7 +240,7 @@ def _vectors(drawing: Drawing, frame: LiveUpdate, at: float) -> float:
         rows.append((name, TEXT, motion, (MEASURED_X, MEASURED_Y)))
         if known and order == 1 and order_frame is not None:
             rows.append(("1X as measured", QUIET, order_frame.vectors[0], (QUIET, QUIET)))
-        predicted = None if frame.prediction is None else frame.prediction.vectors[order - 1]
+        predicted = None if update.prediction is None else update.prediction.vectors[order - 1]
         rows.append((f"{order}X model", MODEL, predicted, (MODEL, MODEL)))
     for name, ink, vectors, colors in rows:
         at += 14.0
@@ -257,18 +259,18 @@ def _sure(order_frame: OrderFrame | None) -> str:
     return f"  ± {sigma(float(amplitude))} µm  ± {sigma(math.degrees(float(lag)))}°"
 
 
-def _signal_rows(drawing: Drawing, frame: LiveUpdate, snapshot: Snapshot, at: float) -> float:
+def _signal_rows(drawing: Drawing, update: LiveUpdate, snapshot: Snapshot, at: float) -> float:
     """Write what is to be said of gaps, tacho and clipping from line ``at`` on; return the line after it."""
     drawing.text("gap", (_LEFT, at), _SIZE, QUIET)
     for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_ok, (_X, _Y), strict=True):
         text = f"{volts:.2f} V {'ok' if ok else 'OUT'}"
         drawing.text(text, (right, at), _SIZE, GOOD if ok else ALARM, Anchor.RIGHT)
     good = snapshot.tacho.state is TachoState.GOOD
-    source = "" if snapshot.counter is None else f" by {frame.header.acquisition.tacho.reference}"
+    source = "" if snapshot.counter is None else f" by {update.header.acquisition.tacho.reference}"
     _line(drawing, at + 14.0, f"tacho {snapshot.tacho.state.value}{source}", GOOD if good else ALARM)
     clipped = [
         f"{channel.name} {count:,}"
-        for channel, count in zip(frame.header.acquisition.channels, snapshot.clipped, strict=True)
+        for channel, count in zip(update.header.acquisition.channels, snapshot.clipped, strict=True)
         if count
     ]
     text = f"CLIPPED {', '.join(clipped)}" if clipped else "no clipping"

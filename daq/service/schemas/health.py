@@ -31,7 +31,7 @@ class HealthSchema(Schema):
 
 
 def health_schema(
-    version: str, uptime: float, runs: int | None, frame: LiveUpdate | None, trouble: str = ""
+    version: str, uptime: float, runs: int | None, update: LiveUpdate | None, trouble: str = ""
 ) -> HealthSchema:
     """Return the health of the service.
 
@@ -43,7 +43,7 @@ def health_schema(
         Time since its start, s.
     runs : int or None
         Number of runs in the data folder; None if it cannot be read.
-    frame : LiveUpdate or None
+    update : LiveUpdate or None
         The latest of the live run.
     trouble : str
         Error of the data folder; empty if there is none.
@@ -53,15 +53,15 @@ def health_schema(
     HealthSchema
         Trouble if the folder cannot be read or the current run has failed.
     """
-    failed = frame is not None and frame.status.state is RunState.FAILED
+    failed = update is not None and update.status.state is RunState.FAILED
     reasons = [trouble] if trouble else []
-    if frame is not None and failed:
-        reasons.append(f"run {frame.header.run} failed: {frame.status.detail or 'no reason was given'}")
+    if update is not None and failed:
+        reasons.append(f"run {update.header.run} failed: {update.status.detail or 'no reason was given'}")
     return HealthSchema(
         health=Health.TROUBLE if reasons else Health.GOOD,
         detail="; ".join(reasons),
         version=version,
         uptime_s=round(uptime, 3),
         runs=runs,
-        live_run=frame.header.run if frame is not None and frame.status.state.is_active else None,
+        live_run=update.header.run if update is not None and update.status.state.is_active else None,
     )

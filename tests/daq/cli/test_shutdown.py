@@ -232,7 +232,7 @@ def test_error_in_the_recorders_listener_completes_the_file_and_is_reported(rig:
 
 def test_view_that_fails_at_every_update_does_not_stop_the_recording(rig: RigFactory, tmp_path: Path) -> None:
     class FailingView(UpdateList):
-        def offer(self, frame: LiveUpdate) -> None:
+        def offer(self, update: LiveUpdate) -> None:
             raise ZeroDivisionError("a view that fails")
 
     run = start_recording(rig(simulation={"pace": "real time"}), tmp_path, FailingView())

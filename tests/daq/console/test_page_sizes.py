@@ -50,11 +50,11 @@ def bench() -> Iterator[Bench]:
     served.close()
 
 
-def load(page: Page, bench: Bench, frame: LiveUpdate | None) -> None:
+def load(page: Page, bench: Bench, update: LiveUpdate | None) -> None:
     """Load the page with a run in progress, or none, and wait until it is drawn."""
-    bench.live.frame = frame
+    bench.live.frame = update
     page.show(bench.server.url)
-    page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[frame is None]}'")
+    page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[update is None]}'")
 
 
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1024, 768), (1366, 768), (1920, 1080)])

@@ -57,8 +57,8 @@ def view() -> Iterator[LiveView]:
 
 def _drawn(view: LiveView, frames: list[LiveUpdate]) -> None:
     """Offer frames one after the other, each as soon as the one before was taken."""
-    for frame in frames:
-        view.offer(frame)
+    for update in frames:
+        view.offer(update)
         deadline = time.monotonic() + 60.0
         while view.waiting and time.monotonic() < deadline:
             time.sleep(0.002)
@@ -103,8 +103,8 @@ def test_page_has_the_viewer_and_nothing_else(view: LiveView) -> None:
 
 
 def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView) -> None:
-    for frame in make_live_updates(50):
-        view.offer(frame)
+    for update in make_live_updates(50):
+        view.offer(update)
     deadline = time.monotonic() + 60.0
     while view.waiting and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -114,10 +114,10 @@ def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView)
 
 def test_offer_returns_at_once_while_drawing_is_stalled(view: LiveView) -> None:
     header = StallingHeader()
-    frame = replace(make_live_updates(1)[0], header=cast("RunHeader", header))
+    update = replace(make_live_updates(1)[0], header=cast("RunHeader", header))
     started = time.perf_counter()
     for _ in range(2_000):
-        view.offer(frame)
+        view.offer(update)
     took = time.perf_counter() - started
     assert took < 20.0  # of the 30 s that the first is held up
     assert view.dropped >= 1_990
@@ -213,7 +213,7 @@ def test_native_viewer_draws_two_runs_without_complaint(view: LiveView, tmp_path
         viewer.open(view.viewer_url)
         for run in ("first", "second"):
             header = make_header(run)
-            _drawn(view, [replace(frame, header=header) for frame in make_live_updates(20)])
+            _drawn(view, [replace(update, header=header) for update in make_live_updates(20)])
         assert not view.failure
         deadline = time.monotonic() + 60.0
         while len(viewer.get_state().views) < 6 and time.monotonic() < deadline:
