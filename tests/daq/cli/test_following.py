@@ -10,7 +10,7 @@ from daq.session.run import RunOutcome
 from daq.stop_flag import StopFlag
 from tests.daq.support.live_updates import make_live_updates
 
-FRAME = make_live_updates(1)[0]
+UPDATE = make_live_updates(1)[0]
 
 
 class ScriptedRun:
@@ -21,7 +21,7 @@ class ScriptedRun:
         self.stopped = 0
 
     def latest(self) -> LiveUpdate:
-        return replace(FRAME, status=self._statuses.pop(0) if len(self._statuses) > 1 else self._statuses[0])
+        return replace(UPDATE, status=self._statuses.pop(0) if len(self._statuses) > 1 else self._statuses[0])
 
     def wait(self, timeout: float) -> bool:
         return len(self._statuses) == 1

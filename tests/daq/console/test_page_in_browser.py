@@ -32,7 +32,7 @@ from tests.daq.support.service_fakes import NEWEST, FakeCatalogue, FakeLive, Fak
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
-FRAME = make_live_updates(200)[150]
+UPDATE = make_live_updates(200)[150]
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def text_of(page: str, element: str) -> str:
 
 
 def test_page_shows_measured_and_predicted_values_of_the_live_run(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = FRAME
+    bench.live.update = UPDATE
     page = load_page(bench.server.url, tmp_path)
     assert 'data-state="recording"' in page
     assert text_of(page, "run") == NEWEST
@@ -78,27 +78,27 @@ def test_page_shows_measured_and_predicted_values_of_the_live_run(bench: Bench, 
 
 
 def test_page_shows_the_speed_of_an_exact_prediction(bench: Bench, tmp_path: Path) -> None:
-    assert FRAME.prediction is not None
-    bench.live.frame = replace(FRAME, prediction=replace(FRAME.prediction, is_exact=True))
+    assert UPDATE.prediction is not None
+    bench.live.update = replace(UPDATE, prediction=replace(UPDATE.prediction, is_exact=True))
     assert text_of(load_page(bench.server.url, tmp_path), "model") == "ready, exact at 12,005 r/min"
 
 
 def test_page_draws_markers_in_the_trend_and_shows_the_marker_form_while_recording(
     bench: Bench, tmp_path: Path
 ) -> None:
-    marker = TimedMarker(Marker(0, 100_000, "knocking begins", 0), 1.0, FRAME.status.elapsed - 1.0)
-    bench.live.frame = replace(FRAME, status=replace(FRAME.status, markers=(marker,)))
+    marker = TimedMarker(Marker(0, 100_000, "knocking begins", 0), 1.0, UPDATE.status.elapsed - 1.0)
+    bench.live.update = replace(UPDATE, status=replace(UPDATE.status, markers=(marker,)))
     page = load_page(bench.server.url, tmp_path)
     assert re.search(r'class="flag word"', page)
     assert ">knocking begins</text>" in page
     assert re.search(r'<form class="marker-form" id="marker-form">', page)
-    bench.live.frame = replace(FRAME, status=replace(FRAME.status, state=RunState.REPLAYING))
+    bench.live.update = replace(UPDATE, status=replace(UPDATE.status, state=RunState.REPLAYING))
     assert re.search(r'id="marker-form" hidden=""', load_page(bench.server.url, tmp_path))
 
 
 def test_page_shows_a_latched_alarm_until_it_is_acknowledged(bench: Bench, tmp_path: Path) -> None:
-    frame = with_alarm(FRAME, Severity.DANGER)
-    bench.live.frame = replace(frame, status=replace(frame.status, lost=2000, lost_is_exact=False))
+    update = with_alarm(UPDATE, Severity.DANGER)
+    bench.live.update = replace(update, status=replace(update.status, lost=2000, lost_is_exact=False))
     page = load_page(bench.server.url, tmp_path)
     assert text_of(page, "verdict") == "DANGER LATCHED"
     assert text_of(page, "alarm") == "▲ DANGER at x: 92 µm peak-to-peak, limit 90, began 00:10 at 12,000 r/min, over."
@@ -108,7 +108,7 @@ def test_page_shows_a_latched_alarm_until_it_is_acknowledged(bench: Bench, tmp_p
 
 
 def test_page_colours_each_tile_by_the_alarms_of_its_quantity(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = with_further_alarms(FRAME)
+    bench.live.update = with_further_alarms(UPDATE)
     page = load_page(bench.server.url, tmp_path)
     tiles = {
         tile: re.search(rf'id="{tile}" data-severity="(\w+)"', page)
@@ -129,23 +129,23 @@ def test_page_colours_each_tile_by_the_alarms_of_its_quantity(bench: Bench, tmp_
 
 
 def test_page_shows_data_quality_in_one_line(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = FRAME
+    bench.live.update = UPDATE
     assert text_of(load_page(bench.server.url, tmp_path), "quality") == "✓ no samples lost · signals good"
-    assert FRAME.snapshot is not None
-    doubtful = replace(FRAME.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
-    status = replace(FRAME.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
-    bench.live.frame = replace(FRAME, snapshot=doubtful, status=status)
+    assert UPDATE.snapshot is not None
+    doubtful = replace(UPDATE.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
+    status = replace(UPDATE.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
+    bench.live.update = replace(UPDATE, snapshot=doubtful, status=status)
     page = load_page(bench.server.url, tmp_path)
     assert text_of(page, "quality") == "▲ 2,000 samples lost · y clipped · probe y reads 0.02 V"
     assert 'class="quality bad"' in page
 
 
 def test_page_shows_compensated_and_measured_vectors(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = with_second_whirl(with_runout(FRAME))
+    bench.live.update = with_second_whirl(with_runout(UPDATE))
     page = load_page(bench.server.url, tmp_path)
     assert text_of(page, "one-source") == "compensated"
     note = text_of(page, "one-note")
-    measured = FRAME.snapshot.frame.vectors[0] if FRAME.snapshot and FRAME.snapshot.frame else None
+    measured = UPDATE.snapshot.frame.vectors[0] if UPDATE.snapshot and UPDATE.snapshot.frame else None
     assert measured is not None
     assert f"as measured x {abs(measured[0]) * 1e6:.1f} " in note
     assert "± 0.08 µm" in note
@@ -163,7 +163,9 @@ def test_page_without_a_run_is_idle_and_lists_the_recorded_runs(bench: Bench, tm
 
 
 def test_page_shows_why_a_run_failed(bench: Bench, tmp_path: Path) -> None:
-    bench.live.frame = LiveUpdate(FRAME.header, replace(FRAME.status, state=RunState.FAILED, detail="card unplugged"))
+    bench.live.update = LiveUpdate(
+        UPDATE.header, replace(UPDATE.status, state=RunState.FAILED, detail="card unplugged")
+    )
     page = load_page(bench.server.url, tmp_path)
     assert 'data-state="failed"' in page
     assert "card unplugged" in text_of(page, "trouble")
@@ -185,7 +187,7 @@ class BlockedLive:
 @pytest.mark.parametrize("blocked", ["http", "websocket"])
 def test_page_follows_the_run_by_socket_or_by_polling_if_one_is_blocked(blocked: str, tmp_path: Path) -> None:
     live = FakeLive()
-    live.frame = FRAME
+    live.update = UPDATE
     catalogue = FakeCatalogue([])
     app = create_app(catalogue, live, FakeSummaries(catalogue), None)
     server = ServiceServer(BlockedLive(app, blocked))
@@ -213,7 +215,7 @@ class RequestLog:
 
 def test_page_receives_the_curves_over_the_socket_and_does_not_poll(tmp_path: Path) -> None:
     live = FakeLive()
-    live.frame = FRAME
+    live.update = UPDATE
     catalogue = FakeCatalogue([])
     app = create_app(catalogue, live, FakeSummaries(catalogue), None)
     log = RequestLog(app)

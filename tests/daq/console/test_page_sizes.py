@@ -16,7 +16,7 @@ from tests.daq.support.service_bench import Bench, open_bench
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
 
-FRAME = with_alarm(make_live_updates(200)[150], Severity.DANGER)
+UPDATE = with_alarm(make_live_updates(200)[150], Severity.DANGER)
 STATE = {True: "idle", False: "recording"}
 # Layout errors of visible tiles, banners and bars: outside the window, overlapping, or with clipped text.
 LAYOUT_ERRORS = """(() => {
@@ -52,7 +52,7 @@ def bench() -> Iterator[Bench]:
 
 def load(page: Page, bench: Bench, update: LiveUpdate | None) -> None:
     """Load the page with a run in progress, or none, and wait until it is drawn."""
-    bench.live.frame = update
+    bench.live.update = update
     page.show(bench.server.url)
     page.until(f"document.querySelector('#runs details') && document.body.dataset.state === '{STATE[update is None]}'")
 
@@ -60,8 +60,8 @@ def load(page: Page, bench: Bench, update: LiveUpdate | None) -> None:
 @pytest.mark.parametrize("size", [(390, 844), (844, 390), (768, 1024), (1024, 768), (1366, 768), (1920, 1080)])
 def test_page_has_no_layout_errors(size: tuple[int, int], page: Page, bench: Bench) -> None:
     page.resize(*size)
-    for frame in (None, FRAME):
-        load(page, bench, frame)
+    for update in (None, UPDATE):
+        load(page, bench, update)
         assert page.value(LAYOUT_ERRORS) == []
 
 
@@ -74,7 +74,7 @@ def test_page_without_a_run_starts_with_the_recorded_runs(page: Page, bench: Ben
 def test_bench_screen_shows_all_live_values_without_scrolling(page: Page, bench: Bench) -> None:
     for size in ((1366, 768), (1920, 1080)):
         page.resize(*size)
-        load(page, bench, FRAME)
+        load(page, bench, UPDATE)
         assert page.value("document.getElementById('status').getBoundingClientRect().bottom <= innerHeight")
 
 
@@ -84,15 +84,15 @@ def test_page_without_a_run_does_not_poll_while_its_socket_is_open(page: Page, b
     polls = "performance.getEntriesByType('resource').filter((one) => one.name.endsWith('/live')).length"
     assert page.value(polls) == 0
     assert page.value("document.getElementById('connection').hidden")
-    bench.live.frame = FRAME
+    bench.live.update = UPDATE
     page.until("document.body.dataset.state === 'recording'")
 
 
 def test_page_reports_a_lost_connection_with_and_without_a_run(page: Page) -> None:
-    for frame in (None, FRAME):
+    for update in (None, UPDATE):
         bench = open_bench()
         try:
-            load(page, bench, frame)
+            load(page, bench, update)
         finally:
             bench.close()
         page.until("document.getElementById('connection').offsetParent !== null")
@@ -121,7 +121,7 @@ def test_page_rejects_a_wrong_token_and_accepts_the_right_one(page: Page) -> Non
 def test_stop_button_stops_the_run_on_the_second_press_only(page: Page, tmp_path: Path) -> None:
     bench = open_recorded_bench(tmp_path)
     try:
-        bench.live.frame = FRAME
+        bench.live.update = UPDATE
         page.show(str(bench.client.base_url))
         page.until("!document.getElementById('stop').hidden")
         page.value("document.getElementById('stop').click()")
@@ -129,6 +129,6 @@ def test_stop_button_stops_the_run_on_the_second_press_only(page: Page, tmp_path
         assert bench.run_control.stopped == []
         page.value("document.getElementById('stop').click()")
         page.until("document.getElementById('stop').textContent === 'Stopping …'")
-        assert bench.run_control.stopped == [FRAME.header.run]
+        assert bench.run_control.stopped == [UPDATE.header.run]
     finally:
         bench.close()

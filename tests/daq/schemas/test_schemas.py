@@ -18,7 +18,7 @@ from daq.session.live_update import LiveUpdate
 from tests.daq.support.live_updates import RPM, make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
 
-FRAME = make_live_updates(200)[150]
+UPDATE = make_live_updates(200)[150]
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 
@@ -58,10 +58,10 @@ def test_vector_without_length_has_no_lag() -> None:
 
 
 def test_live_document_tells_the_measurement_in_its_units() -> None:
-    snapshot = FRAME.snapshot
+    snapshot = UPDATE.snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
-    measured = live_schema(FRAME).measured
+    measured = live_schema(UPDATE).measured
     assert measured is not None
     assert measured.order_1x is not None
     vector = snapshot.frame.vectors[0, 1]
@@ -73,14 +73,14 @@ def test_live_document_tells_the_measurement_in_its_units() -> None:
 
 
 def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
-    snapshot = FRAME.snapshot
+    snapshot = UPDATE.snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
     backward = Whirl(0.5, 1e-6, 3e-6, np.zeros(2, dtype=np.complex128))
-    frame = replace(
-        FRAME, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirls=(backward,), speed=6000.0 * RPM))
+    update = replace(
+        UPDATE, snapshot=replace(snapshot, frame=replace(snapshot.frame, whirls=(backward,), speed=6000.0 * RPM))
     )
-    measured = live_schema(frame).measured
+    measured = live_schema(update).measured
     assert measured is not None
     assert measured.whirl is not None
     assert measured.whirl.frequency_hz == pytest.approx(50.0)
@@ -89,23 +89,23 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
 
 
 def test_live_document_before_the_first_result_has_none() -> None:
-    document = live_schema(LiveUpdate(FRAME.header, FRAME.status))
+    document = live_schema(LiveUpdate(UPDATE.header, UPDATE.status))
     assert document.measured is None
     assert document.predicted is None
-    assert document.status.samples == FRAME.status.samples
+    assert document.status.samples == UPDATE.status.samples
 
 
 @given(ANY, ANY, ANY, ANY)
 def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: float, real: float, order: float) -> None:
-    snapshot, prediction = FRAME.snapshot, FRAME.prediction
+    snapshot, prediction = UPDATE.snapshot, UPDATE.prediction
     assert snapshot is not None
     assert snapshot.frame is not None
     assert prediction is not None
     vectors = np.array([[complex(real, level), complex(level, real)]] * 2)
     whirl = Whirl(order, level, real, vectors[0])
-    frame = LiveUpdate(
-        FRAME.header,
-        replace(FRAME.status, backlog=level, disk_left=speed),
+    update = LiveUpdate(
+        UPDATE.header,
+        replace(UPDATE.status, backlog=level, disk_left=speed),
         replace(
             snapshot,
             speed=speed,
@@ -116,7 +116,7 @@ def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: flo
         replace(prediction, speed=speed, vectors=vectors, whirl_order=order, whirl_amplitude=level, growth_rate=real),
     )
     with np.errstate(over="ignore", invalid="ignore"):
-        document = live_schema(frame)
+        document = live_schema(update)
     assert strict(document.model_dump_json()) == document.model_dump(mode="json")
 
 

@@ -31,7 +31,7 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
     (folder / "trash").mkdir()
     shutil.copy(file, folder / "trash")
     served = open_recorded_bench(folder, job_limit=2.0)  # what jobs come to is not tried here
-    served.live.frame = list(run_up(3, "under-way"))[2]
+    served.live.update = list(run_up(3, "under-way"))[2]
     served.client.get(f"/api/v1/runs/{KNOWN}/cascade")  # a process that reads for the first time has modules to load
     yield served
     served.close()

@@ -93,8 +93,8 @@ def test_alarm_that_is_over_stays_shown_where_latching_is_configured(
 
 
 def test_alarm_texts_name_quantity_probe_value_and_limit() -> None:
-    frame = with_further_alarms(make_live_updates(1)[0])
-    one, below, speed = frame.status.alarms
+    update = with_further_alarms(make_live_updates(1)[0])
+    one, below, speed = update.status.alarms
     assert alarm_text(one) == "1X alarm at x: 24 µm peak, limit 20, at 12,000 r/min"
     assert alarm_text(below) == "below 1X alarm at y: 14.1 µm peak, limit 12.5, at 12,000 r/min"
     assert alarm_text(speed) == "speed danger: 19,642 r/min, limit 19,500"
@@ -102,7 +102,7 @@ def test_alarm_texts_name_quantity_probe_value_and_limit() -> None:
     assert worst_alarm((one, below, speed)) == "DANGER 19,642 r/min"
     assert worst_alarm((one, below)) == "ALARM 1X x 24 µm"
     assert worst_alarm((below,)) == "ALARM below 1X y 14 µm"
-    assert "pp  DANGER speed" in status_line(frame)
+    assert "pp  DANGER speed" in status_line(update)
 
 
 def test_overspeed_and_1x_alarms_are_in_the_file_the_summary_and_on_the_terminal(
@@ -134,7 +134,7 @@ def test_overspeed_and_1x_alarms_are_in_the_file_the_summary_and_on_the_terminal
 
 def test_alarms_are_acknowledged_by_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bench = open_recorded_bench(tmp_path)
-    bench.live.frame = with_alarm(make_live_updates(1)[0], Severity.DANGER)
+    bench.live.update = with_alarm(make_live_updates(1)[0], Severity.DANGER)
     port = ["--port", str(bench.client.base_url.port)]
     assert main(["acknowledge", *port]) == 0
     assert capsys.readouterr().out == "acknowledged danger at x: 92 µm peak-to-peak, limit 90\n"

@@ -50,24 +50,24 @@ class FakeRunControl:
         self.stopped: list[str] = []
 
     def stop(self) -> str | None:
-        if self.live.frame is None:
+        if self.live.update is None:
             return None
-        self.stopped.append(self.live.frame.header.run)
-        return self.live.frame.header.run
+        self.stopped.append(self.live.update.header.run)
+        return self.live.update.header.run
 
     def add_marker(self, text: str) -> MarkerSchema | None:
-        if self.live.frame is None:
+        if self.live.update is None:
             return None
         return MarkerSchema(
             kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, marked_at=utc_time(1_795_511_527_250_000_000)
         )
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
-        frame = self.live.frame
-        if frame is None:
+        update = self.live.update
+        if update is None:
             return None
-        alarms = tuple(alarm_schema(alarm) for alarm in frame.status.alarms)
-        return AcknowledgedAlarmsSchema(run=frame.header.run, alarms=alarms)
+        alarms = tuple(alarm_schema(alarm) for alarm in update.status.alarms)
+        return AcknowledgedAlarmsSchema(run=update.header.run, alarms=alarms)
 
 
 class ReadyModel:

@@ -40,7 +40,7 @@ class Bench:
 
     def tidy(self) -> None:
         """Reset the fakes to their initial state."""
-        self.catalogue.trouble = self.summaries.trouble = self.live.frame = None
+        self.catalogue.trouble = self.summaries.trouble = self.live.update = None
         self.summaries.gate.set()
 
     def close(self) -> None:

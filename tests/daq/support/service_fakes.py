@@ -160,10 +160,10 @@ class FakeLive:
     """Live feed with a settable update."""
 
     def __init__(self) -> None:
-        self.frame: LiveUpdate | None = None
+        self.update: LiveUpdate | None = None
 
     def latest(self) -> LiveUpdate | None:
-        return self.frame
+        return self.update
 
 
 class FakeSummaries:

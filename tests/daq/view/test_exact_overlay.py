@@ -46,8 +46,8 @@ def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig:
 
 
 def test_operator_reads_whether_the_overlay_is_exact() -> None:
-    frame = make_live_updates(60)[-1]
-    assert frame.prediction is not None
-    assert "model: ready; interpolated; film" in details(frame)
-    exact = replace(frame, prediction=replace(frame.prediction, is_exact=True, speed=400 * np.pi))
+    update = make_live_updates(60)[-1]
+    assert update.prediction is not None
+    assert "model: ready; interpolated; film" in details(update)
+    exact = replace(update, prediction=replace(update.prediction, is_exact=True, speed=400 * np.pi))
     assert "model: ready; exact at 12,000 r/min; film" in details(exact)

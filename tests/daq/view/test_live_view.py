@@ -55,9 +55,9 @@ def view() -> Iterator[LiveView]:
     live.close(60.0)
 
 
-def _drawn(view: LiveView, frames: list[LiveUpdate]) -> None:
+def _drawn(view: LiveView, updates: list[LiveUpdate]) -> None:
     """Offer frames one after the other, each as soon as the one before was taken."""
-    for update in frames:
+    for update in updates:
         view.offer(update)
         deadline = time.monotonic() + 60.0
         while view.waiting and time.monotonic() < deadline:

@@ -54,12 +54,12 @@ DRAWN = {
 class Logged:
     """What a presenter logged of some frames, read back from a file."""
 
-    def __init__(self, frames: Iterable[LiveUpdate], path: Path) -> None:
+    def __init__(self, updates: Iterable[LiveUpdate], path: Path) -> None:
         stream = rr.RecordingStream("rig")
         stream.set_sinks(rr.FileSink(path))
         presenter = Presenter(stream, make_header())
-        for frame in frames:
-            presenter.show(frame)
+        for update in updates:
+            presenter.show(update)
         stream.flush()
         stream.disconnect()
         self.path = path
@@ -116,11 +116,11 @@ def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot:
 
 
 def test_dashes_of_a_closed_orbit_leave_its_gaps_open(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.prediction is not None
+    update = make_live_updates(1)[0]
+    assert update.prediction is not None
     angle = 2.0 * math.pi * np.arange(4 * 64) / 64
-    closed = replace(frame.prediction, orbit=8e-6 * np.stack([np.cos(angle), np.sin(angle)]))
-    logged = Logged([replace(frame, prediction=closed)], tmp_path / "closed.rrd")
+    closed = replace(update.prediction, orbit=8e-6 * np.stack([np.cos(angle), np.sin(angle)]))
+    logged = Logged([replace(update, prediction=closed)], tmp_path / "closed.rrd")
     arcs = [strip for strip in logged.strips("/orbit/model", MODEL) if np.allclose(np.hypot(*strip.T), 80.0, atol=0.1)]
     middles = {round(16.0 * float(np.arctan2(*arc.mean(axis=0))) / math.pi, 1) % 2.0 for arc in arcs}
     assert len(arcs) == 4 * 16
@@ -148,41 +148,41 @@ def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None
 
 
 def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
+    update = make_live_updates(1)[0]
     status = replace(
-        frame.status,
+        update.status,
         state=RunState.FAILED,
         lost=12_345,
         lost_is_exact=False,
         detail="unplugged",
         latched=Severity.DANGER,
     )
-    logged = Logged([replace(frame, status=status)], tmp_path / "failed.rrd")
+    logged = Logged([replace(update, status=status)], tmp_path / "failed.rrd")
     assert logged.strips("/banner", ALARM)
     assert len(logged.strips("/banner", DANGER)) > 10
     assert "at least 12,345" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
 
 
 def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.snapshot is not None
-    clipped = replace(frame.status, clipped=(Clipping("y", 1234, 3, 0.1),))
-    irregular = replace(frame.snapshot.tacho, state=TachoState.IRREGULAR)
+    update = make_live_updates(1)[0]
+    assert update.snapshot is not None
+    clipped = replace(update.status, clipped=(Clipping("y", 1234, 3, 0.1),))
+    irregular = replace(update.snapshot.tacho, state=TachoState.IRREGULAR)
     for name, doubtful in (
-        ("clipped", replace(frame, status=clipped)),
-        ("gap", replace(frame, snapshot=replace(frame.snapshot, gap_ok=np.array([True, False])))),
-        ("tacho", replace(frame, snapshot=replace(frame.snapshot, tacho=irregular))),
+        ("clipped", replace(update, status=clipped)),
+        ("gap", replace(update, snapshot=replace(update.snapshot, gap_ok=np.array([True, False])))),
+        ("tacho", replace(update, snapshot=replace(update.snapshot, tacho=irregular))),
     ):
         assert Logged([doubtful], tmp_path / f"{name}.rrd").strips("/banner", ALARM), name
-    assert not Logged([frame], tmp_path / "good.rrd").strips("/banner", ALARM)
+    assert not Logged([update], tmp_path / "good.rrd").strips("/banner", ALARM)
 
 
 def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
     plot = SpectrumPlot()
-    for frame in map(with_second_whirl, make_live_updates(200)[::8]):
-        assert frame.snapshot is not None
-        plot.follow(frame.snapshot.frame, frame.prediction)
-        placed = plot.placed_names(frame.snapshot.frame, frame.prediction)
+    for update in map(with_second_whirl, make_live_updates(200)[::8]):
+        assert update.snapshot is not None
+        plot.follow(update.snapshot.frame, update.prediction)
+        placed = plot.placed_names(update.snapshot.frame, update.prediction)
         assert len(placed) >= 2
         for (left, bottom, name, _), (its_left, its_bottom, its_name, _) in itertools.combinations(placed, 2):
             right, its_right = (
@@ -204,13 +204,13 @@ def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
 
 
 def test_orbit_is_drawn_with_y_up(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.snapshot is not None
-    assert frame.snapshot.frame is not None
+    update = make_live_updates(1)[0]
+    assert update.snapshot is not None
+    assert update.snapshot.frame is not None
     angle = 2.0 * math.pi * np.arange(256) / 64
     orbit = 8e-6 * np.stack([0.5 * np.cos(angle), np.sin(angle)])  # on the axis Y at a quarter of a turn
-    snapshot = replace(frame.snapshot, frame=replace(frame.snapshot.frame, orbit=orbit))
-    logged = Logged([replace(frame, snapshot=snapshot, prediction=None)], tmp_path / "orbit.rrd")
+    snapshot = replace(update.snapshot, frame=replace(update.snapshot.frame, orbit=orbit))
+    logged = Logged([replace(update, snapshot=snapshot, prediction=None)], tmp_path / "orbit.rrd")
     line = max(logged.strips("/orbit/measured", MEASURED_X), key=len)
     top = line[np.argmin(line[:, 1])]  # the viewer's y points down
     assert np.allclose(top, (0.0, -80.0), atol=1e-3)  # 8 µm on a scale of 10 µm, 100 units long
@@ -227,35 +227,35 @@ def test_cascade_is_bright_at_1x_up_to_the_speed_reached(run_up: Logged) -> None
 
 
 def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.snapshot is not None
-    still = replace(frame.snapshot, speed=math.nan, frame=None)
-    starting = LiveUpdate(frame.header, Status(RunState.STARTING))
+    update = make_live_updates(1)[0]
+    assert update.snapshot is not None
+    still = replace(update.snapshot, speed=math.nan, frame=None)
+    starting = LiveUpdate(update.header, Status(RunState.STARTING))
     logged = Logged(
-        [starting] * 20 + [replace(frame, snapshot=still, prediction=None)] * 20 + [frame], tmp_path / "few.rrd"
+        [starting] * 20 + [replace(update, snapshot=still, prediction=None)] * 20 + [update], tmp_path / "few.rrd"
     )
     assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/words"}
 
 
 def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    quiet = Logged([frame], tmp_path / "quiet.rrd")
-    latched = Logged([with_alarm(frame, Severity.ALARM)], tmp_path / "latched.rrd")
+    update = make_live_updates(1)[0]
+    quiet = Logged([update], tmp_path / "quiet.rrd")
+    latched = Logged([with_alarm(update, Severity.ALARM)], tmp_path / "latched.rrd")
     assert not quiet.strips("/banner", ALARM)
     assert latched.strips("/banner", ALARM)
 
 
-def marked(frames: list[LiveUpdate], *markers: TimedMarker) -> list[LiveUpdate]:
-    return [replace(frame, status=replace(frame.status, markers=markers)) for frame in frames]
+def marked(updates: list[LiveUpdate], *markers: TimedMarker) -> list[LiveUpdate]:
+    return [replace(update, status=replace(update.status, markers=markers)) for update in updates]
 
 
 def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
-    frames = make_live_updates(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
-    elapsed = frames[-1].status.elapsed
+    updates = make_live_updates(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
+    elapsed = updates[-1].status.elapsed
     word = TimedMarker(Marker(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
     came = TimedMarker(Marker(0, 0, "alarm at x", 0, MarkerKind.ALARM), elapsed - 5.0, elapsed - 5.0)
-    logged = Logged(marked(frames, word, came), tmp_path / "marked.rrd")
-    unmarked = Logged(frames, tmp_path / "unmarked.rrd")
+    logged = Logged(marked(updates, word, came), tmp_path / "marked.rrd")
+    unmarked = Logged(updates, tmp_path / "unmarked.rrd")
     for color, before in ((MARK, 3.0), (ALARM, 5.0)):
         upright = [line for line in logged.strips("/trend/lines", color) if len(line) == 2 and np.ptp(line[:, 0]) == 0]
         across = 300.0 * (1.0 - before / 60.0)  # of the plot's width, which shows the last minute
@@ -268,24 +268,26 @@ def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_pat
 
 
 def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.snapshot is not None
-    trace = frame.snapshot.trace
+    update = make_live_updates(1)[0]
+    assert update.snapshot is not None
+    trace = update.snapshot.trace
     at = float(trace.time[-1]) - 0.01
-    marker = TimedMarker(Marker(frame.snapshot.segment, round(at * RATE), "now", 0), at, frame.status.elapsed - 0.01)
-    other = TimedMarker(Marker(frame.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, frame.status.elapsed)
-    here = Logged(marked([frame], marker), tmp_path / "here.rrd")
+    marker = TimedMarker(Marker(update.snapshot.segment, round(at * RATE), "now", 0), at, update.status.elapsed - 0.01)
+    other = TimedMarker(
+        Marker(update.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, update.status.elapsed
+    )
+    here = Logged(marked([update], marker), tmp_path / "here.rrd")
     assert len([line for line in here.strips("/traces/lines", MARK) if np.ptp(line[:, 1]) > 30.0]) == 2
-    assert not Logged(marked([frame], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)
+    assert not Logged(marked([update], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)
 
 
 def test_trend_keeps_the_largest_between_its_points_and_goes_on_in_minutes() -> None:
     plot = TrendPlot()
-    frame = make_live_updates(1)[0]
-    assert frame.snapshot is not None
+    update = make_live_updates(1)[0]
+    assert update.snapshot is not None
     for k in range(1200):
         spike = 90e-6 if k == 1003 else 10e-6
-        plot.add(replace(frame.snapshot, peak_to_peak=np.array([spike, 5e-6])), None, 0.1 * k)
+        plot.add(replace(update.snapshot, peak_to_peak=np.array([spike, 5e-6])), None, 0.1 * k)
     assert plot.follow(119.9)[0] == 300.0
     highest = min(strip[:, 1].min() for strip in _strips(plot.lines(119.9, ())))
     assert highest == pytest.approx(90.0 * (1.0 - 90.0 / plot.follow(119.9)[1]), abs=0.5)
@@ -300,9 +302,9 @@ def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
 
 
 def test_orbit_and_words_show_what_is_compensated_beside_what_was_measured(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    plain = Logged([frame], tmp_path / "plain.rrd")
-    taken_off = Logged([with_second_whirl(with_runout(frame))], tmp_path / "compensated.rrd")
+    update = make_live_updates(1)[0]
+    plain = Logged([update], tmp_path / "plain.rrd")
+    taken_off = Logged([with_second_whirl(with_runout(update))], tmp_path / "compensated.rrd")
     raw = plain.strips("/orbit/measured", MEASURED_X)
     compensated = taken_off.strips("/orbit/measured", MEASURED_X)
     assert len(compensated) > len(raw)  # the word in the orbit's colour
@@ -321,9 +323,9 @@ def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: L
 
 
 def test_details_hold_no_letter_that_the_viewer_cannot_draw(tmp_path: Path) -> None:
-    frame = make_live_updates(1)[0]
-    frame = replace(frame, status=replace(frame.status, detail="Öl ∠ 油"))
-    logged = Logged([frame], tmp_path / "letters.rrd")
+    update = make_live_updates(1)[0]
+    update = replace(update, status=replace(update.status, detail="Öl ∠ 油"))
+    logged = Logged([update], tmp_path / "letters.rrd")
     assert "Öl ? ?" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
 
 

@@ -17,7 +17,7 @@ from daq.cli.output.progress import Console, status_line
 from daq.cli.output.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
 from tests.daq.support.live_updates import make_live_updates
 
-FRAME = make_live_updates(150)[-1]
+UPDATE = make_live_updates(150)[-1]
 
 
 class Terminal(io.StringIO):
@@ -37,7 +37,7 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
 
 
 def test_status_line_is_rewritten_within_the_terminal_width_with_the_most_important_parts() -> None:
-    long = replace(FRAME, status=replace(FRAME.status, model="computing 43 %", skipped=12_345))
+    long = replace(UPDATE, status=replace(UPDATE.status, model="computing 43 %", skipped=12_345))
     terminal = Terminal()
     console = Console(terminal)
     for _ in range(3):

@@ -48,7 +48,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
 def bench(served: RecordedBench) -> Iterator[RecordedBench]:
     """Return the bench; delete all jobs before and after."""
     yield served
-    served.live.frame = None
+    served.live.update = None
     for job in served.client.get(f"{API}/jobs").json()["jobs"]:
         served.client.delete(f"{API}/jobs/{job['job']}")
 
@@ -265,8 +265,8 @@ def test_request_above_its_time_limit_names_the_job_for_it(served: RecordedBench
 
 
 def test_job_for_the_run_in_progress_is_refused(bench: RecordedBench) -> None:
-    bench.live.frame = make_live_updates(2)[1]
-    job_request = {"kind": "verification", "run": bench.live.frame.header.run}
+    bench.live.update = make_live_updates(2)[1]
+    job_request = {"kind": "verification", "run": bench.live.update.header.run}
     assert problem(bench.client.post(f"{API}/jobs", json=job_request)) == (409, "run-under-way")
 
 

@@ -20,7 +20,7 @@ from tests.daq.support.live_updates import make_live_updates, with_alarm, with_f
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 
 WORD = "correct-horse"
-FRAMES = make_live_updates(30)
+UPDATES = make_live_updates(30)
 NOTEBOOK = "http://notebook.lab:8888"
 JSON = {"Content-Type": "application/json"}
 
@@ -48,27 +48,27 @@ def test_events_follow_every_change_of_the_live_run(bench: RecordedBench) -> Non
         assert response.headers["content-type"].startswith("text/event-stream")
         lines = response.iter_lines()
         assert [next(lines), next(lines), next(lines)] == ["event: live", "data: null", ""]
-        for frame in FRAMES[:3]:
-            bench.live.frame = frame
+        for update in UPDATES[:3]:
+            bench.live.update = update
             assert next(lines) == "event: live"
             document = LiveSchema.model_validate_json(next(lines).removeprefix("data: "))
-            assert document.status.elapsed_s == pytest.approx(frame.status.elapsed)
+            assert document.status.elapsed_s == pytest.approx(update.status.elapsed)
             assert next(lines) == ""
 
 
 def test_socket_sends_the_current_values_and_then_changes(bench: RecordedBench) -> None:
-    bench.live.frame = FRAMES[0]
+    bench.live.update = UPDATES[0]
     with connect(socket_url(bench)) as socket:
         first = json.loads(socket.recv(60.0))
         assert first == bench.client.get(f"{API}/live").json()
-        bench.live.frame = FRAMES[1]
+        bench.live.update = UPDATES[1]
         assert json.loads(socket.recv(60.0))["measured"]["sample"] == 20_000
-        bench.live.frame = None
+        bench.live.update = None
         assert json.loads(socket.recv(60.0)) is None
 
 
 def test_curves_are_sent_as_events_and_over_the_socket(bench: RecordedBench) -> None:
-    bench.live.frame = FRAMES[0]
+    bench.live.update = UPDATES[0]
     with (
         connect(socket_url(bench, "/live/curves/socket")) as socket,
         bench.client.stream("GET", f"{API}/live/curves/events") as response,
@@ -81,24 +81,24 @@ def test_curves_are_sent_as_events_and_over_the_socket(bench: RecordedBench) -> 
             first,
             "",
         ]
-        same = FRAMES[0]
-        bench.live.frame = replace(same, status=replace(same.status, elapsed=99.0))
+        same = UPDATES[0]
+        bench.live.update = replace(same, status=replace(same.status, elapsed=99.0))
         with pytest.raises(TimeoutError):  # the picture is the same, whatever the clock says
             socket.recv(0.8)
-        bench.live.frame = FRAMES[-1]
+        bench.live.update = UPDATES[-1]
         assert json.loads(socket.recv(60.0)) == bench.client.get(f"{API}/live/curves").json() != first
-        bench.live.frame = None
+        bench.live.update = None
         assert json.loads(socket.recv(60.0)) is None
 
 
 def test_slow_client_loses_the_oldest_updates_and_delays_no_other(bench: RecordedBench) -> None:
     with bench.client.stream("GET", f"{API}/live/events"), connect(socket_url(bench)) as quick:
         quick.recv(60.0)
-        for frame in FRAMES:
-            bench.live.frame = frame
-            assert json.loads(quick.recv(60.0))["status"]["elapsed_s"] == pytest.approx(frame.status.elapsed)
+        for update in UPDATES:
+            bench.live.update = update
+            assert json.loads(quick.recv(60.0))["status"]["elapsed_s"] == pytest.approx(update.status.elapsed)
         assert bench.client.get(f"{API}/live", timeout=60.0).status_code == 200
-    assert len(FRAMES) > MAX_QUEUED_UPDATES
+    assert len(UPDATES) > MAX_QUEUED_UPDATES
 
 
 def test_client_above_the_limit_gets_busy(bench: RecordedBench) -> None:
@@ -127,14 +127,14 @@ def test_head_of_an_event_stream_returns_at_once(bench: RecordedBench) -> None:
 
 def test_stop_request_stops_the_run(bench: RecordedBench) -> None:
     assert bench.client.post(f"{API}/live/stop", json={}).status_code == 404
-    bench.live.frame = FRAMES[0]
+    bench.live.update = UPDATES[0]
     response = bench.client.post(f"{API}/live/stop", json={})
-    assert (response.status_code, response.json()) == (202, {"run": FRAMES[0].header.run})
-    assert bench.run_control.stopped == [FRAMES[0].header.run]
+    assert (response.status_code, response.json()) == (202, {"run": UPDATES[0].header.run})
+    assert bench.run_control.stopped == [UPDATES[0].header.run]
 
 
 def test_alarms_of_1x_below_1x_and_speed_have_their_own_units(bench: RecordedBench) -> None:
-    bench.live.frame = with_further_alarms(FRAMES[0])
+    bench.live.update = with_further_alarms(UPDATES[0])
     live = bench.client.get(f"{API}/live").json()
     one, below, speed = live["status"]["alarms"]
     assert (one["quantity"], one["probe"], one["limit_peak_um"], one["largest_peak_um"]) == ("1X", "x", 20.0, 24.04)
@@ -154,7 +154,7 @@ def test_alarms_of_1x_below_1x_and_speed_have_their_own_units(bench: RecordedBen
 
 def test_alarms_are_reported_and_acknowledged(bench: RecordedBench) -> None:
     assert bench.client.post(f"{API}/live/acknowledge", json={}).status_code == 404
-    bench.live.frame = with_alarm(FRAMES[0], Severity.DANGER)
+    bench.live.update = with_alarm(UPDATES[0], Severity.DANGER)
     (alarm,) = bench.client.get(f"{API}/live").json()["status"]["alarms"]
     assert (alarm["probe"], alarm["severity"], alarm["limit_peak_to_peak_um"]) == ("x", "danger", 90.0)
     assert (alarm["begin"]["time_s"], alarm["end"]["time_s"]) == (10.0, 12.0)
@@ -179,7 +179,7 @@ def test_alarms_are_reported_and_acknowledged(bench: RecordedBench) -> None:
     ],
 )
 def test_only_the_service_s_own_page_may_stop_a_run(bench: RecordedBench, headers: dict[str, str], status: int) -> None:
-    bench.live.frame = FRAMES[0]
+    bench.live.update = UPDATES[0]
     response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
     assert response.status_code == status
     assert bool(bench.run_control.stopped) == (status == 202)

@@ -293,14 +293,14 @@ def test_head_of_a_file_returns_its_size(bench: RecordedBench, path: Path) -> No
 
 
 def test_results_of_the_run_in_progress_are_refused(bench: RecordedBench) -> None:
-    frame = make_live_updates(1)[0]
-    assert frame.status.state is RunState.RECORDING
-    bench.live.frame = frame
+    update = make_live_updates(1)[0]
+    assert update.status.state is RunState.RECORDING
+    bench.live.update = update
     try:
         for tail in ("/trend", "/orbit", "/file", "/samples", "/comparison?speed_rpm=6000"):
-            assert bench.client.get(f"{API}/runs/{frame.header.run}{tail}").status_code == 409
+            assert bench.client.get(f"{API}/runs/{update.header.run}{tail}").status_code == 409
     finally:
-        bench.live.frame = None
+        bench.live.update = None
 
 
 def test_gzipped_response_equals_the_plain_one(bench: RecordedBench) -> None:

@@ -165,12 +165,12 @@ def test_summary_error_is_reported_by_problem_type(bench: Bench, error: Recordin
 
 
 def test_summary_of_the_run_in_progress_is_a_conflict_until_its_end(bench: Bench) -> None:
-    frame = make_live_updates(1)[0]
-    bench.live.frame = frame
+    update = make_live_updates(1)[0]
+    bench.live.update = update
     reported = problem(bench.get(f"/runs/{NEWEST}/summary"))
     assert (reported.status, reported.type) == (409, "/docs#run-under-way")
     assert bench.get(f"/runs/{CUT}/summary").status_code == 200
-    bench.live.frame = replace(frame, status=replace(frame.status, state=RunState.FINISHED))
+    bench.live.update = replace(update, status=replace(update.status, state=RunState.FINISHED))
     assert bench.get(f"/runs/{NEWEST}/summary").status_code == 200
 
 
@@ -202,7 +202,7 @@ def test_live_is_not_found_without_a_run(bench: Bench) -> None:
 
 
 def test_live_returns_measurement_and_model_uncached(bench: Bench) -> None:
-    bench.live.frame = make_live_updates(200)[150]
+    bench.live.update = make_live_updates(200)[150]
     response = bench.get("/live")
     assert response.status_code == 200
     assert response.headers["cache-control"] == "no-store"
@@ -216,31 +216,31 @@ def test_live_returns_measurement_and_model_uncached(bench: Bench) -> None:
 
 def test_live_curves_contain_measured_and_predicted_orbit_and_spectrum(bench: Bench) -> None:
     assert problem(bench.get("/live/curves")).type == "/docs#no-live-run"
-    frame = make_live_updates(200)[150]
-    bench.live.frame = frame
+    update = make_live_updates(200)[150]
+    bench.live.update = update
     picture = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)
-    assert frame.snapshot is not None
-    assert frame.snapshot.frame is not None
+    assert update.snapshot is not None
+    assert update.snapshot.frame is not None
     assert picture.measured is not None
     assert picture.predicted is not None
-    assert picture.measured.orbit_x_um == pytest.approx(frame.snapshot.frame.orbit[0] * 1e6, abs=1e-4)
+    assert picture.measured.orbit_x_um == pytest.approx(update.snapshot.frame.orbit[0] * 1e6, abs=1e-4)
     assert len(picture.measured.orbit_y_um) == 4 * picture.points_per_revolution
     first = picture.measured.orders.index(1.0)
     assert picture.measured.spectrum_peak_x_um[first] == pytest.approx(
-        abs(frame.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
+        abs(update.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
     )
-    bench.live.frame = replace(frame, snapshot=None, prediction=None)
+    bench.live.update = replace(update, snapshot=None, prediction=None)
     empty = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)
     assert (empty.measured, empty.predicted) == (None, None)
 
 
 def test_health_names_the_current_run_and_a_failed_one(bench: Bench) -> None:
     assert bench.get("/health").json()["live_run"] is None
-    frame = make_live_updates(1)[0]
-    bench.live.frame = frame
+    update = make_live_updates(1)[0]
+    bench.live.update = update
     health = bench.get("/health").json()
     assert (health["live_run"], health["health"], health["runs"]) == (NEWEST, "good", 4)
-    bench.live.frame = replace(frame, status=replace(frame.status, state=RunState.FAILED, detail="card unplugged"))
+    bench.live.update = replace(update, status=replace(update.status, state=RunState.FAILED, detail="card unplugged"))
     health = bench.get("/health").json()
     assert (health["live_run"], health["health"]) == (None, "trouble")
     assert "card unplugged" in health["detail"]
@@ -267,7 +267,7 @@ def test_read_only_path_names_its_methods(bench: Bench, method: str) -> None:
 
 
 def test_waiting_summaries_do_not_delay_other_routes_and_are_limited(bench: Bench) -> None:
-    bench.live.frame = make_live_updates(1)[0]
+    bench.live.update = make_live_updates(1)[0]
     bench.summaries.gate.clear()
     answers: list[int] = []
 
@@ -305,11 +305,11 @@ def test_every_response_matches_its_schema(bench: Bench, schema: dict[str, Any])
         assert schema_errors(response.json(), content[media_type]["schema"], schema["components"]["schemas"]) == []
 
     check(bench.get("/live"), "/live", 404)
-    for frame in make_live_updates(40)[::13]:
-        bench.live.frame = frame
+    for update in make_live_updates(40)[::13]:
+        bench.live.update = update
         check(bench.get("/live"), "/live", 200)
         check(bench.get("/live/curves"), "/live/curves", 200)
-    bench.live.frame = replace(frame, snapshot=None, prediction=None)
+    bench.live.update = replace(update, snapshot=None, prediction=None)
     check(bench.get("/live"), "/live", 200)
     check(bench.get("/health"), "/health", 200)
     check(bench.get("/runs"), "/runs", 200)

@@ -169,8 +169,8 @@ def test_chunked_json_with_a_content_length_is_refused(bench: RecordedBench) -> 
 
 
 def test_run_in_progress_cannot_be_deleted(bench: RecordedBench) -> None:
-    frame = make_live_updates(1)[0]
-    bench.live.frame = replace(frame, header=replace(frame.header, run=RUN))
+    update = make_live_updates(1)[0]
+    bench.live.update = replace(update, header=replace(update.header, run=RUN))
     assert problem(bench.client.delete(f"{API}/runs/{RUN}")) == (409, "run-under-way")
     assert (bench.folder / f"{RUN}.mcap").exists()
 
