@@ -30,7 +30,7 @@ RESPONSE_TIMEOUT = 5.0  # s
 def add_marker_commands(add: AddCommand) -> None:
     """Add `rig mark` and `rig acknowledge` to the command line."""
     command = add("mark", run_mark, "Add a marker to the run that is recording, from another terminal.")
-    command.add_argument("word", metavar="WORD", nargs="*", help="text of the marker (default: mark)")
+    command.add_argument("word", metavar="WORD", nargs="*", help="text of the marker (default: marker)")
     command.add_argument("--json", action="store_true", help="print JSON")
     add_service_address(command)
     show_examples(command, "rig mark knocking begins")
@@ -98,7 +98,7 @@ def run_acknowledge(args: argparse.Namespace) -> int:
 
 def run_mark(args: argparse.Namespace) -> int:
     """Add a marker to the run that is recording; return the exit code."""
-    response = post_to_live(args, "markers", {"text": " ".join(args.word) or "mark"})
+    response = post_to_live(args, "markers", {"text": " ".join(args.word)})
     if args.json:
         print_json(response)
         return 0

@@ -150,7 +150,7 @@ async function addMarker(event) {
   event.preventDefault();
   const input = element("marker-text");
   try {
-    const marker = await postJson("/api/v1/live/markers", { text: input.value.trim() || "mark" });
+    const marker = await postJson("/api/v1/live/markers", { text: input.value.trim() });
     input.value = "";
     input.placeholder = `marked “${marker.text}”`;
   } catch (error) {

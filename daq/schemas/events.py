@@ -11,7 +11,7 @@ from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.session.alarms import alarm_name, alarm_value_text
 from daq.session.live_update import TimedMarker
-from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
+from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
 class TimeInRunSchema(Schema):
@@ -54,7 +54,7 @@ class MarkerRequest(BaseModel):
 
     text: Annotated[
         str, Field(description="Text of the marker", examples=["knocking begins"], max_length=MAX_MARKER_LENGTH)
-    ] = "mark"
+    ] = DEFAULT_TEXT
 
 
 def marker_schema(marker: Marker, rate: float) -> MarkerSchema:

@@ -15,11 +15,11 @@ from analysis.signals.snapshot import Snapshot
 from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot, Reach
 from daq.view.drawing import Anchor, Drawing, text_width
-from daq.view.palette import ALARM, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, QUIET, TACHO, TEXT, Color
+from daq.view.palette import ALARM, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, QUIET, TACHO, TEXT, Color
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import MarkerKind
 
-_COLORS = {MarkerKind.WORD: MARK, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: QUIET}
+_COLORS = {MarkerKind.WORD: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: QUIET}
 _FLAG_LETTERS = 26  # of a word, at most
 
 

@@ -20,7 +20,7 @@ from recordings.integrity.checks import (
     check_acquisition,
 )
 from recordings.mcap.container import RECORD, Container, StoredMessage
-from recordings.mcap.layout import CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, decode_metadata
+from recordings.mcap.layout import CHANNEL_IDS, CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, decode_metadata
 from recordings.mcap.markers import decode_marker
 from recordings.mcap.messages import decode_block, decode_segment_end, parse_message
 from recordings.mcap.reader import segment_end_from_json
@@ -30,7 +30,7 @@ from recordings.progress import Progress, ignore_progress
 
 WINDOW = 4 << 20  # bytes that are read at a time
 RECORDS_SHARE = 0.9  # share of the work in reading the records; the rest is the checksum over the data section
-SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = range(1, 7)
+SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = CHANNEL_IDS.values()
 MAX_FINDINGS = 100
 
 
@@ -129,8 +129,9 @@ class _Verifier:
         self._metadata: dict[str, list[str]] = defaultdict(list)
 
     def verification(self) -> Verification:
+        """Check the file and return the result."""
         findings: list[Finding] = []
-        for finding in self._all():
+        for finding in self._findings():
             if len(findings) == MAX_FINDINGS:
                 findings.append(
                     Finding(finding.check, finding.where, f"more than {MAX_FINDINGS} findings: the list ends here")
@@ -148,7 +149,7 @@ class _Verifier:
             findings=tuple(findings),
         )
 
-    def _all(self) -> Iterator[Finding]:
+    def _findings(self) -> Iterator[Finding]:
         if not self._file.has_magic:
             yield Finding(Check.FILE, "byte 0", "the first bytes are not MCAP's")
         if not self._file.is_finished:
@@ -158,7 +159,7 @@ class _Verifier:
         yield from self._header_copies()
         yield from check_acquisition(self._header.acquisition)
         if self._file.is_finished:
-            yield from self._run_end()
+            yield from self._end_record()
             yield from self._index.finish(self._n_messages)
 
     def _records(self) -> Iterator[Finding]:
@@ -182,7 +183,7 @@ class _Verifier:
             elif record.opcode == Opcode.ATTACHMENT:
                 yield from self._attachment(record.offset, record.length, where)
             elif record.opcode not in (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL):
-                yield Finding(Check.FILE, where, f"a record of opcode {record.opcode}, expected none of that kind here")
+                yield Finding(Check.FILE, where, f"a record of opcode {record.opcode}, which does not belong here")
         yield from self._data_end(stop)
 
     def _data_end(self, stop: int) -> Iterator[Finding]:
@@ -270,7 +271,7 @@ class _Verifier:
         if not self._n_attachments[CONFIG_ATTACHMENT]:
             yield Finding(Check.HEADER, "start of file", f"the attachment {CONFIG_ATTACHMENT} is missing")
 
-    def _run_end(self) -> Iterator[Finding]:
+    def _end_record(self) -> Iterator[Finding]:
         """Compare the end record with the samples and segments of the file."""
         entries = self._file.metadata(END_RECORD)
         try:

@@ -11,6 +11,8 @@ from recordings.mcap.schema import rig_pb2
 
 MAX_MARKER_LENGTH = 200
 """Characters; longer texts are cut off."""
+DEFAULT_TEXT = "marker"
+"""Text of a marker that is added without one."""
 
 
 class MarkerKind(StrEnum):

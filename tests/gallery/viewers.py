@@ -73,7 +73,7 @@ PICTURES = (
 )
 
 
-STATES = {"mark": "/mark.text", "tacho": "/features.tacho_state"}
+STATES = {"marker": "/mark.text", "tacho": "/features.tacho_state"}
 
 
 def foxglove_layout() -> dict[str, Any]:

@@ -35,7 +35,7 @@ from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import LivePredictor, RunOutcome
-from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, encode_marker
+from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, encode_marker
 from recordings.mcap.results import encode_snapshot
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
@@ -310,7 +310,7 @@ class RecordedRun:
         if not self._thread.is_alive() or self._ring.is_closed:
             return None
         segment, sample = self._statistics.position
-        marker = Marker(segment, sample, " ".join(text.split())[:MAX_MARKER_LENGTH] or "mark", time.time_ns())
+        marker = Marker(segment, sample, " ".join(text.split())[:MAX_MARKER_LENGTH] or DEFAULT_TEXT, time.time_ns())
         self._add_marker(marker)
         return marker
 

@@ -17,7 +17,7 @@ from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
 from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
 from daq.view.drawing import Drawing, text_strokes, text_width
-from daq.view.palette import ALARM, DANGER, MARK, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
+from daq.view.palette import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
 from daq.view.presenter import Presenter, timeline
 from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import LETTERS, SpectrumPlot
@@ -256,7 +256,7 @@ def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_pat
     came = TimedMarker(Marker(0, 0, "alarm at x", 0, MarkerKind.ALARM), elapsed - 5.0, elapsed - 5.0)
     logged = Logged(marked(updates, word, came), tmp_path / "marked.rrd")
     unmarked = Logged(updates, tmp_path / "unmarked.rrd")
-    for color, before in ((MARK, 3.0), (ALARM, 5.0)):
+    for color, before in ((MARKER, 3.0), (ALARM, 5.0)):
         upright = [line for line in logged.strips("/trend/lines", color) if len(line) == 2 and np.ptp(line[:, 0]) == 0]
         across = 300.0 * (1.0 - before / 60.0)  # of the plot's width, which shows the last minute
         long = [line for line in upright if np.ptp(line[:, 1]) > 50.0]
@@ -277,8 +277,8 @@ def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path
         Marker(update.snapshot.segment + 1, round(at * RATE), "elsewhere", 0), at, update.status.elapsed
     )
     here = Logged(marked([update], marker), tmp_path / "here.rrd")
-    assert len([line for line in here.strips("/traces/lines", MARK) if np.ptp(line[:, 1]) > 30.0]) == 2
-    assert not Logged(marked([update], other), tmp_path / "there.rrd").strips("/traces/lines", MARK)
+    assert len([line for line in here.strips("/traces/lines", MARKER) if np.ptp(line[:, 1]) > 30.0]) == 2
+    assert not Logged(marked([update], other), tmp_path / "there.rrd").strips("/traces/lines", MARKER)
 
 
 def test_trend_keeps_the_largest_between_its_points_and_goes_on_in_minutes() -> None:

@@ -48,7 +48,7 @@ def test_markers_are_in_the_file_at_the_sample_when_they_were_added(rig: RigFact
         assert reader.markers() == (first, second)
     assert first is not None
     assert second is not None
-    assert (first.segment, first.text, second.text) == (0, "knocking begins", "mark")
+    assert (first.segment, first.text, second.text) == (0, "knocking begins", "marker")
     assert before <= first.sample <= between - 4_000
     assert between <= second.sample <= last
     assert second.host_time_ns > first.host_time_ns
