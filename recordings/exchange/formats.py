@@ -54,7 +54,7 @@ def read_table(path: Path) -> Table:
         kind = path.suffix.lower().removeprefix(".")
         raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
     if table.n_rows == 0:
-        raise ForeignFormatError(f"{path}: holds no columns of numbers")
+        raise ForeignFormatError(f"{path}: has no columns of numbers")
     return table
 
 

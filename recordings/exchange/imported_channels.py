@@ -31,8 +31,8 @@ class ImportedChannel:
 def imported_channel(column: Column, channel: Channel, unit: str, factor: float) -> ImportedChannel:
     """Return a column's values as a channel's codes.
 
-    16-bit integers are kept as codes. Other values are quantised in 65,532 steps from the smallest to the largest, with
-    an error of half a step at most. For displacements, one volt in the recording represents one micrometre.
+    16-bit integers become codes unchanged. Other values are quantised in 65,532 steps from the smallest to the largest,
+    with an error of half a step at most. For displacements, one volt in the recording represents one micrometre.
 
     Parameters
     ----------

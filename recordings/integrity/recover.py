@@ -123,7 +123,7 @@ def recover(source: Path, target: Path) -> Recovery:
         header = read_header(container)
         salvage = _Salvage(container, header)
         if not any(isinstance(item, SampleBlock) for item in salvage.read()):
-            raise DamagedError(f"{source}: nothing to recover: it holds no intact samples")
+            raise DamagedError(f"{source}: nothing to recover: it has no intact samples")
         record: dict[str, object] = {}
         items = _with_record(salvage, source, record)
         write_run(target, header, items, {RECOVERED_RECORD: record}, salvage.markers())

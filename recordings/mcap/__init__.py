@@ -1,1 +1,1 @@
-"""Recordings as MCAP files: writer, reader, header, results."""
+"""Run files in MCAP: layout, writer, reader, header, messages, and reading of damaged files."""

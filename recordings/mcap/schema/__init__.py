@@ -1,1 +1,1 @@
-"""Protocol buffer messages of a recording; generated code."""
+"""Protocol buffer messages of a run file; generated code."""
