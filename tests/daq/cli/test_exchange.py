@@ -1,8 +1,6 @@
 """`rig export` and `rig import`: a round trip preserves a run within the format's precision."""
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -15,44 +13,16 @@ from analysis.signals.header import Role
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.config.toml_files import to_toml
-from daq.drivers.factory import open_source
-from daq.session.recording.messages import RecordingRequest
-from daq.session.recording.recorder import run_header
 from recordings.exchange.export import results_table, samples_table
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.reader import RunReader
-from recordings.mcap.writer import write_run
+from tests.daq.support.recorded_bench import RUN
 
 Captured = pytest.CaptureFixture[str]
 MakeMapping = Callable[..., Path]
-RUN = "2026-11-24T09-12-07-gj90c"
 STARTED_NS = 1_795_511_527_000_000_000
 RATE, SECONDS = 20_000.0, 2.0
 NAMES = ("x", "y", "tacho")
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
-    """Return the test's own data folder."""
-    before = dict(os.environ)
-    os.environ["RIG_DATA"] = str(tmp_path / "data")
-    os.environ.pop("RIG_CATALOGUE", None)
-    (tmp_path / "data").mkdir()
-    yield tmp_path / "data"
-    os.environ.clear()
-    os.environ.update(before)
-
-
-@pytest.fixture
-def run(folder: Path, rig: Callable[..., Rig]) -> Path:
-    """Return the file of a run of 2 s at 6000 r/min."""
-    path, loaded = folder / f"{RUN}.mcap", rig()
-    order = RecordingRequest(
-        rig=loaded, run=RUN, started_ns=STARTED_NS, note="cold oil", program="rig", path=path, duration=None
-    )
-    with closing(open_source(loaded)) as source:
-        write_run(path, run_header(order, source), source.blocks(), {})
-    return path
 
 
 def test_reading_progress_rises_to_1(run: Path) -> None:
