@@ -169,7 +169,7 @@ def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
         coefficients = tuple(coefficient / MICRO for coefficient in fit.coefficients)
         residual = fit.residual / MICRO if residual is None else residual
     elif table.order is not None:
-        faults.append(f"calibration.order = {table.order}: expected none where coefficients_um are given")
+        faults.append(f"calibration.order = {table.order}: expected none with coefficients_um")
     for key, value in (("coefficients_um", coefficients), ("volts_low", low), ("volts_high", high)):
         if value is None:
             expected = "a list in brackets" if key == "coefficients_um" else "a number"

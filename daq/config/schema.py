@@ -48,9 +48,8 @@ class DeviceSection(Section):
     serial: Annotated[
         str, Field(pattern=r"^(0[xX])?[0-9A-Fa-f]{0,16}$", description="the hexadecimal number printed on the card")
     ] = ""  # identifies the card at any USB port; empty: `name` does
-    target: Annotated[str, Field(pattern=r"^(\S+:\S+)?$", description='an address as "host:port", or nothing')] = (
-        ""  # address of a gRPC device server; empty: the driver on this machine
-    )
+    # Address of a gRPC device server; empty: the driver on this machine.
+    target: Annotated[str, Field(pattern=r"^(\S+:\S+)?$", description='an address as "host:port", or nothing')] = ""
     deadline_s: Positive = 3.0  # of every gRPC call, in addition to the call's own time-out
 
 
@@ -325,9 +324,7 @@ class SimulationSection(Section):
     )
     whirl: tuple[WhirlSection, ...] = ()
     speed_fluctuation: Annotated[float, Field(ge=0, le=0.1)] = 0.002  # rms, relative: unsteady drive air
-    fluctuation_time_s: Annotated[float, Field(ge=0.1, le=60)] = (
-        1.0  # correlation time, from the air and the rotor's inertia
-    )
+    fluctuation_time_s: Annotated[float, Field(ge=0.1, le=60)] = 1.0  # correlation time of the fluctuation
     speed_drift: Annotated[float, Field(ge=-0.1, le=0.1)] = 0.0  # relative per minute
     run_out_um: NotNegative = 1.0  # residual, 1X at the probe, peak
     second_order_um: NotNegative = 1.5  # the constant 2X that the thesis measured, peak

@@ -181,6 +181,5 @@ def circular_vectors(amplitude: float, phase: float, angles: tuple[float, float]
 def towards_probes(angles: tuple[float, float], displacement: FloatArray) -> FloatArray:
     """Return a displacement's projections on two probe axes, m; its first axis (2,) holds the bench's X and Y."""
     x, y = displacement
-    return np.stack(
-        [x * np.cos(angle) + y * np.sin(angle) for angle in angles]
-    )  # not a matrix product, whose rounding depends on the length
+    # Not a matrix product: its rounding depends on the array's length, and so would the codes on the block size.
+    return np.stack([x * np.cos(angle) + y * np.sin(angle) for angle in angles])
