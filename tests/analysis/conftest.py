@@ -1,4 +1,4 @@
-"""A bench of known motion: codes as the card would deliver them, with its multiplexer's skew and its converter."""
+"""Fixtures: a bench of known motion whose codes pass through a simulated card, and records of known motion."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Alarms: hysteresis, hold time, latching, and what is remembered of them."""
+"""Alarms: limits, hysteresis, hold time, latching and the number of stored alarms."""
 
 import math
 from dataclasses import replace
@@ -25,9 +25,9 @@ LIMITS = Limits(80 * MICRO, 95 * MICRO, 100 * MICRO, 2000.0)
 AT_ONCE = replace(LIMITS, hold=0.0)
 
 
-def fed(watch: LimitMonitor, values: list[float], segment: int = 0) -> list[bool]:
+def fed(monitor: LimitMonitor, values: list[float], segment: int = 0) -> list[bool]:
     """Feed overall vibrations in um, two a second."""
-    return [watch.update(value * MICRO, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
+    return [monitor.update(value * MICRO, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
 
 
 def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
@@ -46,12 +46,12 @@ def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
     )
 
 
-def course(limits: Limits, x: list[float], y: float = 0.0) -> tuple[Alarm, ...]:
+def alarms_of(limits: Limits, x: list[float], y: float = 0.0) -> tuple[Alarm, ...]:
     """The alarms of a run whose probe x shows these overall vibrations, um, two a second."""
-    watch = AlarmMonitor(limits, ("x", "y"))
+    monitor = AlarmMonitor(limits, ("x", "y"))
     for k, value in enumerate(x):
-        watch.update(snapshot(0.5 * k, value, y))
-    return watch.alarms
+        monitor.update(snapshot(0.5 * k, value, y))
+    return monitor.alarms
 
 
 def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> OrderFrame:
@@ -74,103 +74,106 @@ def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> Order
     )
 
 
-def told(alarms: tuple[Alarm, ...]) -> list[tuple[str, str, str, float | None]]:
+def summarised(alarms: tuple[Alarm, ...]) -> list[tuple[str, str, str, float | None]]:
     return [
         (alarm.quantity.value, alarm.probe, alarm.severity.value, None if alarm.end is None else alarm.end.time)
         for alarm in alarms
     ]
 
 
-def test_1x_is_watched_at_each_probe_as_measured() -> None:
-    watch = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO, order_1x_danger=30 * MICRO), ("x", "y"))
+def test_1x_is_monitored_at_each_probe_as_measured() -> None:
+    monitor = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO, order_1x_danger=30 * MICRO), ("x", "y"))
     for k, one in enumerate([(10.0, 10.0), (22.0, 31.0), (19.5, 28.0), (18.0, 10.0)]):
-        watch.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame(one)))
-    assert told(watch.alarms) == [
+        monitor.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame(one)))
+    assert summarised(monitor.alarms) == [
         ("1X", "x", "alarm", 1.5),  # 19.5 is not below it by the hysteresis
         ("1X", "y", "alarm", 1.5),
         ("1X", "y", "danger", 1.0),
     ]
-    assert watch.alarms[2].largest == pytest.approx(31 * MICRO)
-    assert watch.alarms[2].limit == 30 * MICRO
+    assert monitor.alarms[2].largest == pytest.approx(31 * MICRO)
+    assert monitor.alarms[2].limit == 30 * MICRO
 
 
-def test_all_that_is_below_1x_is_watched_together() -> None:
-    watch = AlarmMonitor(replace(AT_ONCE, below_1x_danger=12 * MICRO), ("x", "y"))
+def test_components_below_1x_are_monitored_as_a_sum() -> None:
+    monitor = AlarmMonitor(replace(AT_ONCE, below_1x_danger=12 * MICRO), ("x", "y"))
     for k, whirls in enumerate([[(8.0, 11.0)], [(8.0, 11.0), (5.0, 0.5)], []]):
-        watch.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame((50.0, 50.0), *whirls)))
-    assert told(watch.alarms) == [("below 1X", "x", "danger", 1.0)]
-    assert watch.alarms[0].largest == pytest.approx(13 * MICRO)
+        monitor.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame((50.0, 50.0), *whirls)))
+    assert summarised(monitor.alarms) == [("below 1X", "x", "danger", 1.0)]
+    assert monitor.alarms[0].largest == pytest.approx(13 * MICRO)
 
 
-def test_overspeed_is_watched_once_and_not_at_a_probe() -> None:
-    watch = AlarmMonitor(replace(AT_ONCE, speed_alarm=100.0, speed_danger=150.0), ("x", "y"))
+def test_overspeed_gives_one_alarm_without_a_probe() -> None:
+    monitor = AlarmMonitor(replace(AT_ONCE, speed_alarm=100.0, speed_danger=150.0), ("x", "y"))
     for k, speed in enumerate([90.0, 101.0, 160.0, 149.0, math.nan, 96.0, 94.0]):
-        watch.update(replace(snapshot(0.5 * k, 5.0, 5.0), speed=speed))
-    assert told(watch.alarms) == [("speed", "", "alarm", 3.0), ("speed", "", "danger", 2.5)]  # 149 is within 5 %
-    assert [alarm.largest for alarm in watch.alarms] == [160.0, 160.0]
+        monitor.update(replace(snapshot(0.5 * k, 5.0, 5.0), speed=speed))
+    assert summarised(monitor.alarms) == [
+        ("speed", "", "alarm", 3.0),
+        ("speed", "", "danger", 2.5),
+    ]  # 149 is within 5 %
+    assert [alarm.largest for alarm in monitor.alarms] == [160.0, 160.0]
 
 
-def test_overspeed_waits_for_no_hold_time() -> None:
-    watch = AlarmMonitor(replace(LIMITS, speed_danger=150.0, order_1x_danger=20 * MICRO), ("x", "y"))
-    came = watch.update(replace(snapshot(0.0, 99.0, 99.0), speed=151.0, frame=order_frame((30.0, 30.0))))
-    assert told(came) == [("speed", "", "danger", None)]
+def test_overspeed_has_no_hold_time() -> None:
+    monitor = AlarmMonitor(replace(LIMITS, speed_danger=150.0, order_1x_danger=20 * MICRO), ("x", "y"))
+    new_alarms = monitor.update(replace(snapshot(0.0, 99.0, 99.0), speed=151.0, frame=order_frame((30.0, 30.0))))
+    assert summarised(new_alarms) == [("speed", "", "danger", None)]
 
 
-def test_what_has_no_limit_raises_no_alarm_however_large() -> None:
-    watch = AlarmMonitor(AT_ONCE, ("x", "y"))
-    watch.update(replace(snapshot(0.5, 5.0, 5.0), speed=1e6, frame=order_frame((500.0, 500.0), (500.0, 500.0))))
-    assert watch.alarms == ()
+def test_quantity_without_limit_raises_no_alarm() -> None:
+    monitor = AlarmMonitor(AT_ONCE, ("x", "y"))
+    monitor.update(replace(snapshot(0.5, 5.0, 5.0), speed=1e6, frame=order_frame((500.0, 500.0), (500.0, 500.0))))
+    assert monitor.alarms == ()
 
 
-def test_where_the_tacho_does_not_tell_an_alarm_of_1x_neither_comes_nor_goes() -> None:
-    watch = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO), ("x", "y"))
+def test_without_tacho_a_1x_alarm_neither_begins_nor_ends() -> None:
+    monitor = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO), ("x", "y"))
     loud, silent = replace(snapshot(0.0, 5.0, 5.0), frame=order_frame((25.0, 1.0))), snapshot(1.0, 60.0, 60.0)
     assert np.isnan(monitored_values(silent)[MonitoredQuantity.ORDER_1X]).all()
     counts = []
     for each in (silent, loud, silent):
-        watch.update(each)
-        counts.append(sum(alarm.is_active for alarm in watch.alarms))
+        monitor.update(each)
+        counts.append(sum(alarm.is_active for alarm in monitor.alarms))
     assert counts == [0, 1, 1]
 
 
-def test_alarms_of_all_quantities_are_numbered_in_the_order_in_which_they_came_and_shown_together() -> None:
+def test_alarms_of_all_quantities_are_numbered_in_the_order_of_their_begin() -> None:
     limits = replace(AT_ONCE, order_1x_alarm=20 * MICRO, speed_danger=150.0)
-    watch = AlarmMonitor(limits, ("x", "y"))
+    monitor = AlarmMonitor(limits, ("x", "y"))
     for k, (overall, one, speed) in enumerate([(70, 25, 100.0), (85, 25, 100.0), (10, 1, 200.0), (10, 1, 100.0)]):
-        watch.update(replace(snapshot(0.5 * k, overall, 1.0), speed=speed, frame=order_frame((one, 0.0))))
-    assert [(alarm.number, alarm.quantity) for alarm in watch.alarms] == [
+        monitor.update(replace(snapshot(0.5 * k, overall, 1.0), speed=speed, frame=order_frame((one, 0.0))))
+    assert [(alarm.number, alarm.quantity) for alarm in monitor.alarms] == [
         (1, MonitoredQuantity.ORDER_1X),
         (2, MonitoredQuantity.OVERALL),
         (3, MonitoredQuantity.SPEED),
     ]
-    assert worst_severity(visible_alarms(watch.alarms, 2, latch=True)) is Severity.DANGER
-    assert visible_alarms(watch.alarms, 3, latch=True) == ()
+    assert worst_severity(visible_alarms(monitor.alarms, 2, latch=True)) is Severity.DANGER
+    assert visible_alarms(monitor.alarms, 3, latch=True) == ()
 
 
-def test_a_limit_must_be_held_before_its_alarm_comes() -> None:
-    watch = LimitMonitor(80 * MICRO, 0.05, hold=1.0)
-    assert fed(watch, [70, 85, 70, 85, 90, 85]) == [False] * 5 + [True]
-    assert watch.largest == pytest.approx(90 * MICRO)
-    assert watch.largest_at.time == 2.0
+def test_alarm_begins_after_the_hold_time() -> None:
+    monitor = LimitMonitor(80 * MICRO, 0.05, hold=1.0)
+    assert fed(monitor, [70, 85, 70, 85, 90, 85]) == [False] * 5 + [True]
+    assert monitor.largest == pytest.approx(90 * MICRO)
+    assert monitor.largest_at.time == 2.0
 
 
-def test_an_alarm_ends_a_hysteresis_below_its_limit() -> None:
+def test_alarm_ends_below_the_hysteresis() -> None:
     assert fed(LimitMonitor(80 * MICRO, 0.05, 0.0), [80, 77, 76.1, 75.9, 79]) == [True, True, True, False, False]
 
 
-def test_a_limit_is_not_held_over_a_gap_but_an_alarm_outlasts_it() -> None:
-    watch = LimitMonitor(80 * MICRO, 0.05, 1.0)
-    assert fed(watch, [85, 85]) == [False, False]
-    assert fed(watch, [85, 85, 85], segment=1) == [False, False, True]
-    assert fed(watch, [78], segment=2) == [True]
+def test_gap_restarts_the_hold_time_but_does_not_end_an_alarm() -> None:
+    monitor = LimitMonitor(80 * MICRO, 0.05, 1.0)
+    assert fed(monitor, [85, 85]) == [False, False]
+    assert fed(monitor, [85, 85, 85], segment=1) == [False, False, True]
+    assert fed(monitor, [78], segment=2) == [True]
 
 
-def test_what_is_not_known_changes_nothing() -> None:
+def test_unknown_value_changes_nothing() -> None:
     assert fed(LimitMonitor(80 * MICRO, 0.05, 0.0), [math.nan, 85, math.nan, 79]) == [False, True, True, True]
 
 
-def test_alarms_tell_probe_limit_moment_and_largest_value() -> None:
-    first, second = course(AT_ONCE, [70, 85, 97, 90, 60])
+def test_alarms_contain_probe_limit_time_and_largest_value() -> None:
+    first, second = alarms_of(AT_ONCE, [70, 85, 97, 90, 60])
     assert (first.number, first.probe, first.severity, first.limit) == (1, "x", Severity.ALARM, 80 * MICRO)
     assert (first.begin.time, first.begin.speed) == (0.5, 50.0)
     assert first.end is not None
@@ -180,30 +183,30 @@ def test_alarms_tell_probe_limit_moment_and_largest_value() -> None:
     assert second.end == TimeInRun(0, 1.5, 150.0)
 
 
-def test_an_alarm_is_told_once_when_it_comes_and_lasts_to_the_end_of_the_run() -> None:
-    watch = AlarmMonitor(replace(LIMITS, hold=0.5), ("x", "y"))
-    came = [watch.update(snapshot(0.5 * k, 10, 85)) for k in range(4)]
-    assert [len(each) for each in came] == [0, 1, 0, 0]
-    (alarm,) = watch.alarms
+def test_alarm_is_reported_once_and_stays_active_to_the_end_of_the_run() -> None:
+    monitor = AlarmMonitor(replace(LIMITS, hold=0.5), ("x", "y"))
+    new_alarms = [monitor.update(snapshot(0.5 * k, 10, 85)) for k in range(4)]
+    assert [len(each) for each in new_alarms] == [0, 1, 0, 0]
+    (alarm,) = monitor.alarms
     assert (alarm.probe, alarm.is_active) == ("y", True)
 
 
-def test_latched_alarms_stay_until_somebody_acknowledges_them_and_lasting_ones_until_they_are_over() -> None:
-    alarms = course(AT_ONCE, [85, 60, 85])
+def test_latched_alarms_stay_visible_until_acknowledged_and_active_ones_until_ended() -> None:
+    alarms = alarms_of(AT_ONCE, [85, 60, 85])
     assert visible_alarms(alarms, 0, latch=True) == alarms
     assert visible_alarms(alarms, 2, latch=True) == alarms[1:]
     assert visible_alarms(alarms, 0, latch=False) == alarms[1:]
-    assert visible_alarms(course(AT_ONCE, [85, 60]), 1, latch=True) == ()
+    assert visible_alarms(alarms_of(AT_ONCE, [85, 60]), 1, latch=True) == ()
 
 
-def test_the_worst_of_no_alarms_is_normal() -> None:
+def test_worst_severity_without_alarms_is_normal() -> None:
     assert worst_severity(()) is Severity.NORMAL
-    assert worst_severity(course(AT_ONCE, [85, 97])) is Severity.DANGER
+    assert worst_severity(alarms_of(AT_ONCE, [85, 97])) is Severity.DANGER
 
 
-def test_of_too_many_alarms_those_that_passed_their_limit_least_are_forgotten() -> None:
+def test_alarms_with_the_smallest_excess_are_dropped_first() -> None:
     values = [value for k in range(MAX_ALARMS + 20) for value in (81 + 10 * k / (MAX_ALARMS + 20), 10)]
-    alarms = course(AT_ONCE, values)
+    alarms = alarms_of(AT_ONCE, values)
     assert len(alarms) == MAX_ALARMS
     assert alarms[0].number == 21
 

@@ -1,4 +1,4 @@
-"""The analyser against motion that is known, seen through a card that samples its channels one after the other."""
+"""The live analysis of known motion, sampled by a multiplexed card."""
 
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
@@ -41,7 +41,7 @@ def assert_same(one: list[Snapshot], other: list[Snapshot]) -> None:
 
 @pytest.mark.parametrize("rate", [100_000.0, 200_000.0])
 @pytest.mark.parametrize("turn_rate", [16.7, 100.0, 333.0])
-def test_vectors_are_exact_beside_whirl_whatever_the_multiplexer(
+def test_vectors_beside_whirl_are_exact_for_any_multiplexer_skew(
     make_bench: Maker, rate: float, turn_rate: float
 ) -> None:
     bench = make_bench(rate=rate)
@@ -58,7 +58,7 @@ def test_vectors_are_exact_beside_whirl_whatever_the_multiplexer(
 
 
 @pytest.mark.parametrize("backward", [False, True])
-def test_the_whirl_is_found_with_order_amplitude_and_direction(make_bench: Maker, *, backward: bool) -> None:
+def test_whirl_is_found_with_order_amplitude_and_direction(make_bench: Maker, *, backward: bool) -> None:
     bench = make_bench()
     sign = -1.0 if backward else 1.0
     motion = bench.circles((20 * MICRO, 1.0, 0.0), (8 * MICRO, sign * 0.47, 1.0))
@@ -71,7 +71,7 @@ def test_the_whirl_is_found_with_order_amplitude_and_direction(make_bench: Maker
 
 
 @pytest.mark.parametrize("angles", [(np.pi / 4, 3 * np.pi / 4), (0.2, 1.3), (np.pi / 2, 0.0)])
-def test_orbit_and_direction_do_not_depend_on_the_probes_angles(make_bench: Maker, angles: tuple[float, float]) -> None:
+def test_orbit_and_direction_do_not_depend_on_the_probe_angles(make_bench: Maker, angles: tuple[float, float]) -> None:
     bench = make_bench(angles=angles)
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -1.0, 0.0), (8 * MICRO, 0.47, 0.0))
     frame = bench.frames(bench.steady(150.0), motion, 1.0)[-1]
@@ -87,7 +87,7 @@ def test_orbit_and_direction_do_not_depend_on_the_probes_angles(make_bench: Make
     assert np.abs(pure.orbit - synchronous).max() < 0.5 * MICRO  # noise
 
 
-def test_the_order_of_the_channels_does_not_matter(make_bench: Maker) -> None:
+def test_channel_sequence_does_not_matter(make_bench: Maker) -> None:
     bench = make_bench()
     x, y, tacho = bench.acquisition.channels
     for channels in [(tacho, y, x), (y, tacho, x)]:
@@ -98,18 +98,18 @@ def test_the_order_of_the_channels_does_not_matter(make_bench: Maker) -> None:
         assert np.abs(phases).max() < 0.05
 
 
-def test_a_delay_of_the_tacho_is_taken_off(make_bench: Maker) -> None:
+def test_tacho_delay_is_subtracted(make_bench: Maker) -> None:
     motion = ((20 * MICRO, 1.0, 0.4),)
     bench = make_bench(tacho={"delay": 4e-4})
-    told = bench.frames(bench.steady(100.0), bench.circles(*motion), 0.5)[-1]
-    assert np.degrees(np.angle(told.vectors[0, 0])) == pytest.approx(np.degrees(0.4), abs=0.05)
+    frame = bench.frames(bench.steady(100.0), bench.circles(*motion), 0.5)[-1]
+    assert np.degrees(np.angle(frame.vectors[0, 0])) == pytest.approx(np.degrees(0.4), abs=0.05)
     codes = bench.codes(bench.steady(100.0), bench.circles(*motion), 0.5)
     untold = make_bench().snapshots(codes)[-1].frame
     assert untold is not None
     assert np.degrees(np.angle(untold.vectors[0, 0])) == pytest.approx(np.degrees(0.4) + 14.4, abs=0.05)
 
 
-def test_a_run_up_of_ten_to_one_keeps_amplitude_and_phase(make_bench: Maker) -> None:
+def test_amplitude_and_phase_are_accurate_in_a_ten_to_one_run_up(make_bench: Maker) -> None:
     bench = make_bench()
     frames = bench.frames(bench.ramp(20.0, 200.0, 8.0), bench.circles(*THREE), 8.0)
     vectors = np.array([frame.vectors[0, 0] for frame in frames]) / (20 * MICRO * np.exp(0.4j))
@@ -121,7 +121,7 @@ def test_a_run_up_of_ten_to_one_keeps_amplitude_and_phase(make_bench: Maker) -> 
     assert all(whirl is not None and abs(whirl.order - 0.47) < 0.005 for whirl in whirls)
 
 
-def test_jitter_of_the_tacho_leaves_no_line_below_1x(make_bench: Maker) -> None:
+def test_tacho_jitter_causes_no_line_below_1x(make_bench: Maker) -> None:
     bench = make_bench(noise=0.03e-6)
     random = np.random.default_rng(9)
     steady = bench.steady(200.0)
@@ -139,7 +139,7 @@ def test_jitter_of_the_tacho_leaves_no_line_below_1x(make_bench: Maker) -> None:
     assert snapshots[-2].tacho.jitter == pytest.approx(2e-6, rel=0.5)
 
 
-def test_a_pulse_steeper_than_the_sampling_leaves_no_line_below_1x(make_bench: Maker) -> None:
+def test_pulse_edge_shorter_than_a_sample_causes_no_line_below_1x(make_bench: Maker) -> None:
     bench = replace(make_bench(noise=0.02e-6), tacho_rise=1e-7)
     frames = bench.frames(bench.steady(203.7), bench.circles((20 * MICRO, 1.0, 0.4)), 1.5)
     lines = np.array([np.abs(frame.spectrum[:, 4:13]) for frame in frames])
@@ -148,23 +148,23 @@ def test_a_pulse_steeper_than_the_sampling_leaves_no_line_below_1x(make_bench: M
     assert phases.std() < 0.1
 
 
-def test_the_falling_edge_marks_the_end_of_the_mark(make_bench: Maker) -> None:
+def test_falling_edge_is_the_end_of_the_mark(make_bench: Maker) -> None:
     bench = make_bench(tacho={"edge": Edge.FALLING, "mark_fraction": 0.25})
     frame = bench.frames(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.5)[-1]
     assert np.angle(frame.vectors[0, 0]) == pytest.approx(0.4 + np.pi / 2, abs=0.001)
 
 
-def test_several_marks_a_revolution_measure_the_same(make_bench: Maker) -> None:
+def test_several_marks_per_revolution_give_the_same_result(make_bench: Maker) -> None:
     bench = make_bench(tacho={"pulses_per_revolution": 4})
     snapshot = bench.snapshots(bench.codes(bench.steady(50.0), bench.circles(*THREE), 0.8))[-1]
     assert snapshot.frame is not None
     assert snapshot.speed == pytest.approx(2 * np.pi * 50, rel=1e-6)
     first = snapshot.frame.vectors[0, 0] / (20 * MICRO * np.exp(0.4j))
     assert abs(first) == pytest.approx(1.0, abs=0.001)
-    assert abs(first**4 - 1) < 0.005  # which of the four marks is the first, nobody can tell
+    assert abs(first**4 - 1) < 0.005  # any of the four marks may be the first
 
 
-def test_a_fan_that_wanders_costs_no_phase(make_bench: Maker) -> None:
+def test_speed_fluctuation_does_not_affect_the_phase(make_bench: Maker) -> None:
     bench = make_bench()
 
     def wandering(time: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,13 +176,13 @@ def test_a_fan_that_wanders_costs_no_phase(make_bench: Maker) -> None:
 
 
 @pytest.mark.parametrize("size", [1, 333, 2000, 10_000, 25_001, 100_000])
-def test_snapshots_hold_the_same_bits_for_any_size_of_block(make_bench: Maker, size: int) -> None:
+def test_snapshots_are_bit_identical_for_any_block_size(make_bench: Maker, size: int) -> None:
     bench = make_bench(rate=20_000.0)
     codes = bench.codes(bench.ramp(30.0, 80.0, 2.0), bench.circles(*THREE), 1.93)
     assert_same(bench.snapshots(codes, size), bench.snapshots(codes, 4096))
 
 
-def test_snapshots_come_at_multiples_of_the_update_and_at_the_end(make_bench: Maker) -> None:
+def test_snapshots_lie_at_multiples_of_the_update_interval_and_at_the_end(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 0.537)
     snapshots = bench.snapshots(codes)
@@ -190,7 +190,7 @@ def test_snapshots_come_at_multiples_of_the_update_and_at_the_end(make_bench: Ma
     assert [snapshot.time for snapshot in snapshots] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5, 0.537])
 
 
-def test_a_skipped_block_starts_afresh_and_comes_back(make_bench: Maker) -> None:
+def test_skipped_block_restarts_the_analysis(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 2.0)
     analyser = Analyser(bench.acquisition, bench.settings)
@@ -203,7 +203,7 @@ def test_a_skipped_block_starts_afresh_and_comes_back(make_bench: Maker) -> None
     assert np.angle(after[-1].frame.vectors[0, 0]) == pytest.approx(0.4, abs=0.002)
 
 
-def test_a_new_segment_starts_afresh_and_the_counts_run_on(make_bench: Maker) -> None:
+def test_new_segment_restarts_the_analysis_but_not_the_counts(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 0.5)
     codes[0, 5] = 32767
@@ -221,7 +221,7 @@ def test_a_new_segment_starts_afresh_and_the_counts_run_on(make_bench: Maker) ->
     assert analyser.end_segment(SegmentEnd(7, 0, EndReason.FINISHED)) == []
 
 
-def test_missing_and_double_pulses_cost_no_accuracy(make_bench: Maker) -> None:
+def test_missing_and_double_pulses_do_not_affect_accuracy(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles(*THREE), 3.0)
     clean = [s.frame.vectors[0, 0] for s in bench.snapshots(codes) if s.frame is not None]
@@ -236,7 +236,7 @@ def test_missing_and_double_pulses_cost_no_accuracy(make_bench: Maker) -> None:
     assert snapshots[-1].tacho.state is TachoState.GOOD
 
 
-def test_gap_voltage_window_and_peak_to_peak_are_those_of_the_motion(make_bench: Maker) -> None:
+def test_gap_voltage_and_peak_to_peak_match_the_motion(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.5)
     codes[1] -= 12_000
@@ -246,7 +246,7 @@ def test_gap_voltage_window_and_peak_to_peak_are_those_of_the_motion(make_bench:
     assert snapshot.peak_to_peak == pytest.approx([40 * MICRO, 40 * MICRO], rel=0.02)
 
 
-def test_peak_to_peak_covers_a_slow_revolution_and_no_glitch(make_bench: Maker) -> None:
+def test_peak_to_peak_covers_a_slow_revolution_without_glitches(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(2.0), bench.circles((20 * MICRO, 1.0, 0.0)), 6.0)
     codes[0, 590_005:590_010] += 3000
@@ -255,7 +255,7 @@ def test_peak_to_peak_covers_a_slow_revolution_and_no_glitch(make_bench: Maker) 
     assert snapshot.peak_to_peak == pytest.approx([40 * MICRO, 40 * MICRO], rel=0.02)
 
 
-def test_the_trace_shows_the_last_update_about_its_mean(make_bench: Maker) -> None:
+def test_trace_contains_the_last_update_interval_about_its_mean(make_bench: Maker) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.3)
     trace = bench.snapshots(codes)[-1].trace
@@ -270,7 +270,7 @@ def test_the_trace_shows_the_last_update_about_its_mean(make_bench: Maker) -> No
 @pytest.mark.parametrize(
     ("revolutions", "points", "highest"), [(4, 16, 2.0), (8, 32, 16.0), (64, 64, 8.0), (16, 1024, 64.0)]
 )
-def test_other_settings_measure_the_same(make_bench: Maker, revolutions: int, points: int, highest: float) -> None:
+def test_other_settings_give_the_same_result(make_bench: Maker, revolutions: int, points: int, highest: float) -> None:
     bench = make_bench(revolutions=revolutions, points_per_revolution=points, highest_order=highest)
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7))
     frame = bench.frames(bench.steady(100.0), motion, 1.2)[-1]
@@ -280,7 +280,7 @@ def test_other_settings_measure_the_same(make_bench: Maker, revolutions: int, po
     assert np.abs(frame.vectors[:, 0] - [20 * MICRO * np.exp(0.4j), 3 * MICRO * np.exp(-0.7j)]).max() < 0.02 * MICRO
 
 
-def test_motion_far_above_the_highest_order_does_not_fold_into_the_spectrum(make_bench: Maker) -> None:
+def test_motion_far_above_the_highest_order_does_not_alias(make_bench: Maker) -> None:
     bench = make_bench()
     motion = bench.circles(
         (20 * MICRO, 1.0, 0.0), (5 * MICRO, 61.3, 0.0), (5 * MICRO, 127.4, 0.0), (5 * MICRO, 59.0, 0.0)
@@ -291,14 +291,14 @@ def test_motion_far_above_the_highest_order_does_not_fold_into_the_spectrum(make
     assert lines.max() < 0.01 * MICRO
 
 
-def test_a_shaft_below_sixty_revolutions_a_minute_has_no_frame(make_bench: Maker) -> None:
+def test_shaft_below_60_rpm_has_no_frame(make_bench: Maker) -> None:
     bench = make_bench(rate=2000.0)
     snapshots = bench.snapshots(bench.codes(bench.steady(0.8), bench.circles((20 * MICRO, 1.0, 0.0)), 40.0), 200)
     assert snapshots[-1].speed == pytest.approx(2 * np.pi * 0.8, rel=1e-4)
     assert all(snapshot.frame is None for snapshot in snapshots)
 
 
-def test_too_fast_a_mark_is_said_and_still_measured(make_bench: Maker) -> None:
+def test_too_fast_state_is_reported_with_a_frame(make_bench: Maker) -> None:
     bench = make_bench(tacho={"mark_fraction": 0.1})
     snapshot = bench.snapshots(bench.codes(bench.steady(150.0), bench.circles(*THREE), 1.0))[-1]
     assert snapshot.tacho.state is TachoState.TOO_FAST
@@ -356,7 +356,7 @@ KINDS = (
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_nothing_that_a_card_can_deliver_stops_the_analysis(make_bench: Maker, kind: str) -> None:
+def test_any_codes_of_a_card_are_analysed_without_error(make_bench: Maker, kind: str) -> None:
     bench = make_bench()
     codes = hostile(kind, bench.codes(bench.steady(100.0), bench.circles(*THREE), 2.0))
     with np.errstate(all="raise"):
@@ -375,7 +375,7 @@ def test_nothing_that_a_card_can_deliver_stops_the_analysis(make_bench: Maker, k
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 50, 999])
-def test_records_shorter_than_a_revolution_are_no_trouble(make_bench: Maker, n: int) -> None:
+def test_records_shorter_than_a_revolution_are_analysed(make_bench: Maker, n: int) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(50.0), bench.circles(*THREE), 0.1)[:, :n]
     snapshots = bench.snapshots(codes, 100)
@@ -409,7 +409,7 @@ def test_random_codes_and_jumps_never_raise(make_bench: Maker, seed: int) -> Non
                 first += int(random.integers(1, 1000))
 
 
-def test_a_block_of_other_channels_and_a_bench_without_probes_are_refused(make_bench: Maker) -> None:
+def test_wrong_channel_count_and_missing_probes_are_refused(make_bench: Maker) -> None:
     bench = make_bench()
     analyser = Analyser(bench.acquisition, bench.settings)
     with pytest.raises(ValueError, match="2 channels"):
@@ -424,7 +424,7 @@ def test_a_block_of_other_channels_and_a_bench_without_probes_are_refused(make_b
         Analyser(bench.acquisition, replace(bench.settings, revolutions=2))
 
 
-def test_memory_does_not_grow(make_bench: Maker) -> None:
+def test_memory_is_bounded(make_bench: Maker) -> None:
     bench = make_bench(rate=2000.0)
     codes = bench.codes(bench.steady(20.0), bench.circles(*THREE), 10.0)
     analyser = Analyser(bench.acquisition, bench.settings)

@@ -1,3 +1,5 @@
+"""Backlog statistics of a run."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -18,12 +20,12 @@ def watched(acquisition: Acquisition, *backlogs: tuple[int, int]) -> DeliverySta
     return watch.statistics()
 
 
-def test_largest_backlog_of_all_segments_is_told_beside_the_buffer(header: RunHeader) -> None:
+def test_statistics_contain_the_largest_backlog_of_all_segments(header: RunHeader) -> None:
     card = replace(header.acquisition, buffer=round(4 * header.acquisition.rate))
     found = watched(card, (0, 10), (0, 700), (1, 300))
     assert found.backlog == pytest.approx(700 / card.rate)
     assert found.buffer == pytest.approx(4.0)
 
 
-def test_backlog_of_a_device_without_a_buffer_is_not_known(header: RunHeader) -> None:
+def test_backlog_of_a_device_without_a_buffer_is_unknown(header: RunHeader) -> None:
     assert watched(replace(header.acquisition, buffer=0), (0, 700)) == DeliveryStatistics()

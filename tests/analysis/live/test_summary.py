@@ -1,4 +1,4 @@
-"""The summary of runs on a bench of known motion."""
+"""Run summaries of known motion."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -46,7 +46,7 @@ def run_up_of_the_thesis(bench: "Bench") -> NDArray[np.int16]:
     return bench.codes(angle, motion, 20.0)
 
 
-def test_a_run_up_says_where_the_films_let_go(make_bench: Maker, header: RunHeader) -> None:
+def test_run_up_summary_contains_the_whirl_onset(make_bench: Maker, header: RunHeader) -> None:
     bench = make_bench(rate=50_000.0)
     codes = run_up_of_the_thesis(bench)
     summary = summary_of(bench, header, codes, SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
@@ -72,7 +72,7 @@ def test_a_run_up_says_where_the_films_let_go(make_bench: Maker, header: RunHead
         assert abs(abs(row.vectors[0, 0]) - 2.5 * MICRO) < 0.1 * MICRO
 
 
-def test_a_quiet_run_has_no_findings_and_says_so(make_bench: Maker, header: RunHeader) -> None:
+def test_quiet_run_has_no_findings(make_bench: Maker, header: RunHeader) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((10 * MICRO, 1.0, 0.4)), 1.25)
     summary = summary_of(bench, header, codes, SegmentEnd(0, 125_000, EndReason.STOPPED))
@@ -95,7 +95,7 @@ def test_a_quiet_run_has_no_findings_and_says_so(make_bench: Maker, header: RunH
 
 
 @pytest.mark.parametrize(("radius", "severity"), [(35, Severity.NORMAL), (42, Severity.ALARM), (49, Severity.DANGER)])
-def test_severity_is_the_largest_vibration_against_the_limits(
+def test_severity_follows_from_the_largest_vibration(
     make_bench: Maker, header: RunHeader, radius: float, severity: Severity
 ) -> None:
     bench = make_bench()
@@ -104,7 +104,7 @@ def test_severity_is_the_largest_vibration_against_the_limits(
     assert summary_of(bench, header, codes, SegmentEnd(0, 30_000, EndReason.STOPPED)).severity is severity
 
 
-def test_losses_are_exact_or_at_least(header: RunHeader) -> None:
+def test_losses_are_exact_or_a_lower_bound(header: RunHeader) -> None:
     builder = SummaryBuilder(header)
     builder.end_segment(SegmentEnd(0, 1000, EndReason.OVERRUN, lost=70))
     assert (builder.summary().lost, builder.summary().lost_is_exact) == (70, True)
@@ -115,7 +115,7 @@ def test_losses_are_exact_or_at_least(header: RunHeader) -> None:
     assert [end.segment for end in summary.segments] == [0, 1]
 
 
-def test_a_summary_before_the_end_counts_what_was_seen(make_bench: Maker, header: RunHeader) -> None:
+def test_summary_before_the_end_counts_the_samples_so_far(make_bench: Maker, header: RunHeader) -> None:
     bench = make_bench()
     builder = SummaryBuilder(header)
     empty = builder.summary()
@@ -130,7 +130,7 @@ def test_a_summary_before_the_end_counts_what_was_seen(make_bench: Maker, header
     assert builder.summary().samples == 50_000
 
 
-def test_gap_and_clipping_of_a_probe_that_came_loose_are_said(make_bench: Maker, header: RunHeader) -> None:
+def test_loose_probe_shows_in_gap_and_clipping(make_bench: Maker, header: RunHeader) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((10 * MICRO, 1.0, 0.4)), 0.6)
     codes[1, 30_000:] = 32767

@@ -1,3 +1,5 @@
+"""The polynomial fit of a probe calibration."""
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,7 +11,7 @@ VOLTS = np.linspace(0.5, 9.5, 10)
 GAPS = np.asarray(np.polynomial.polynomial.polyval(VOLTS, TRUE), dtype=np.float64)
 
 
-def test_fit_finds_the_polynomial_that_made_the_points_in_any_sequence() -> None:
+def test_fit_finds_the_polynomial_of_the_points_in_any_sequence() -> None:
     shuffled = np.random.default_rng(1).permutation(VOLTS.size)
     fit = fit_calibration(GAPS[shuffled], VOLTS[shuffled], 3)
     assert fit.coefficients == pytest.approx(TRUE, rel=1e-6, abs=1e-12)
@@ -17,7 +19,7 @@ def test_fit_finds_the_polynomial_that_made_the_points_in_any_sequence() -> None
     assert fit.residual < 1e-12
 
 
-def test_residual_is_the_farthest_that_a_point_lies_off() -> None:
+def test_residual_is_the_largest_deviation_of_a_point() -> None:
     moved = GAPS.copy()
     moved[4] += 5e-6
     fit = fit_calibration(moved, VOLTS, 3)
@@ -32,7 +34,7 @@ def test_fit_of_too_low_an_order_shows_a_residual() -> None:
     assert fit_calibration(GAPS, VOLTS, 1).residual > 10 * fit_calibration(GAPS, VOLTS, 3).residual
 
 
-def test_usual_order_falls_with_the_number_of_points() -> None:
+def test_default_order_is_lower_with_few_points() -> None:
     assert [default_order(n) for n in (2, 3, 4, 5, 20)] == [1, 1, 2, 3, 3]
 
 
@@ -49,7 +51,7 @@ def test_usual_order_falls_with_the_number_of_points() -> None:
     ],
     ids=["few", "order", "shapes", "falls", "one gap", "nan", "wiggles"],
 )
-def test_points_that_make_no_calibration_are_refused(
+def test_points_without_a_valid_calibration_are_refused(
     gaps: NDArray[np.float64], volts: NDArray[np.float64], order: int, message: str
 ) -> None:
     with pytest.raises(ValueError, match=message):
@@ -63,7 +65,7 @@ def test_misread_step_is_named_by_its_gaps() -> None:
         fit_calibration(GAPS, swapped, 3)
 
 
-def test_point_that_bends_the_polynomial_is_named() -> None:
+def test_outlying_point_is_named() -> None:
     gaps = 1e-4 * np.arange(1.0, 8.0)
     volts = 1e4 * gaps
     beyond = np.append(gaps, 50e-4), np.append(volts, 8.4)

@@ -1,3 +1,5 @@
+"""State levels of a tacho signal."""
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ def square(
 
 
 @pytest.mark.parametrize("duty", [0.02, 0.1, 0.5, 0.9, 0.98])
-def test_levels_of_a_square_wave_are_found_however_wide_the_mark(duty: float) -> None:
+def test_levels_of_a_square_wave_are_found_for_any_duty_cycle(duty: float) -> None:
     found = find_state_levels(square(duty=duty))
     assert found is not None
     assert (found.low, found.high) == pytest.approx((0.1, 4.2), abs=0.01)
@@ -26,7 +28,7 @@ def test_levels_of_a_square_wave_are_found_however_wide_the_mark(duty: float) ->
     assert found.high_fraction == pytest.approx(duty, abs=0.005)
 
 
-def test_slow_edges_leave_the_levels_where_they_are() -> None:
+def test_slow_edges_do_not_shift_the_levels() -> None:
     edges = np.clip(np.abs((20 * TIME % 1.0) - 0.5) * 12 - 2.5, 0.0, 1.0)
     found = find_state_levels(4.0 * edges)
     assert found is not None
@@ -56,6 +58,6 @@ def test_hysteresis_grows_with_noise_and_stays_within_the_swing() -> None:
     assert SignalLevels(1.0, 4.0, 0.0, 0.5).middle == 2.5
 
 
-def test_levels_of_nothing_are_refused() -> None:
+def test_levels_of_no_samples_are_refused() -> None:
     with pytest.raises(ValueError, match="volts: shape"):
         find_state_levels(np.empty(0))

@@ -1,4 +1,4 @@
-"""Single signals as a bench gives them: what each is said to be."""
+"""The wiring checks on signals of good and faulty benches."""
 
 import math
 from dataclasses import replace
@@ -71,7 +71,7 @@ def found(checks: tuple[Check, ...] | list[Check]) -> dict[str, Finding]:
     return {check.name: check.finding for check in checks if check.finding is not None}
 
 
-def test_good_bench_is_good_turning_and_at_rest() -> None:
+def test_good_bench_passes_turning_and_at_rest() -> None:
     assert found(checked(turning())) == {}
     assert found(checked(resting())) == {"tacho levels": Finding.STILL}
     assert found(checked(resting(4.2))) == {"tacho levels": Finding.STILL}
@@ -90,11 +90,11 @@ def test_good_bench_is_good_turning_and_at_rest() -> None:
         (-5.0 + noise(1e-3, 4), Finding.REVERSED),
     ],
 )
-def test_probe_out_of_its_window_is_told_apart(volts: FloatArray, finding: Finding) -> None:
+def test_probe_outside_its_gap_limits_has_a_specific_finding(volts: FloatArray, finding: Finding) -> None:
     assert found(checked(turning() | {"y": volts})) == {"probe y gap": finding}
 
 
-def test_sparks_at_the_rail_and_samples_beyond_the_calibration_are_warned_of() -> None:
+def test_clipped_samples_and_samples_beyond_the_calibration_are_warnings() -> None:
     volts = turning()
     volts["x"][[100, 5000]] = 12.0
     checks = checked(volts)
@@ -108,7 +108,7 @@ def test_sparks_at_the_rail_and_samples_beyond_the_calibration_are_warned_of() -
 
 
 @pytest.mark.parametrize(("um", "verdict"), [(0.5, Verdict.GOOD), (2.0, Verdict.WARN), (8.0, Verdict.FAIL)])
-def test_hum_is_judged_by_its_size(um: float, verdict: Verdict) -> None:
+def test_hum_verdict_depends_on_its_amplitude(um: float, verdict: Verdict) -> None:
     hum = 0.01 * um * np.sin(2 * np.pi * 50.0 * TIME)
     volts = turning()
     checks = {check.name: check for check in checked(volts | {"x": volts["x"] + hum})}
@@ -122,23 +122,23 @@ def test_one_signal_on_two_inputs_is_bridged_turning_and_at_rest() -> None:
         assert checks["probes x and y apart"] is Finding.BRIDGED
 
 
-def test_shaft_that_moves_on_a_straight_line_is_not_bridged() -> None:
+def test_straight_line_orbit_is_not_bridged() -> None:
     line = 0.1 * np.cos(1800 * RPM * TIME)
     volts = turning(um=0.0)
     assert found(checked(volts | {"x": volts["x"] + line, "y": volts["y"] + line})) == {}
 
 
-def test_orbit_against_the_shaft_tells_exchanged_probes() -> None:
+def test_backward_orbit_means_exchanged_probes() -> None:
     volts = turning()
     assert found(checked(volts | {"x": volts["y"], "y": volts["x"]})) == {"1X direction": Finding.PROBES_EXCHANGED}
 
 
-def test_orbit_too_small_for_a_direction_is_let_pass() -> None:
+def test_orbit_too_small_for_a_direction_passes() -> None:
     volts = turning(um=0.02)
     assert found(checked(volts | {"x": volts["y"], "y": volts["x"]})) == {}
 
 
-def test_tacho_at_a_probes_input_is_exchanged_or_touches() -> None:
+def test_tacho_signal_at_a_probe_input_is_exchanged_or_bridged() -> None:
     volts = turning()
     exchanged = checked(volts | {"y": volts["tacho"], "tacho": volts["y"]})
     assert found(exchanged) == {"probe y signal": Finding.TACHO_EXCHANGED}
@@ -146,11 +146,11 @@ def test_tacho_at_a_probes_input_is_exchanged_or_touches() -> None:
     assert found(checked(volts | {"y": volts["tacho"]})) == {"probe y signal": Finding.BRIDGED}
 
 
-def test_silent_tacho_is_told_by_the_probes_motion() -> None:
+def test_silent_tacho_is_detected_by_the_motion_of_the_probes() -> None:
     assert found(checked(turning() | {"tacho": 0.1 + noise(0.01, 6)})) == {"tacho levels": Finding.SILENT}
 
 
-def test_floating_tacho_lies_between_its_switching_levels() -> None:
+def test_floating_tacho_is_between_its_switching_levels() -> None:
     assert found(checked(resting(2.3))) == {"tacho levels": Finding.LEVELS}
 
 
@@ -160,7 +160,7 @@ def tacho_findings(volts: FloatArray, tacho: Tacho = TACHO, full_range: float = 
     return found(tacho_checks(signal, WiringLimits(), motion=True))
 
 
-def test_tacho_signals_are_told_apart() -> None:
+def test_tacho_faults_have_specific_findings() -> None:
     volts = turning()["tacho"]
     assert tacho_findings(volts) == {}
     assert tacho_findings(-volts) == {"tacho levels": Finding.REVERSED}
@@ -171,26 +171,26 @@ def test_tacho_signals_are_told_apart() -> None:
 
 
 @pytest.mark.parametrize(("hysteresis", "is_warned"), [(0.3, True), (0.5, False), (2.0, False), (2.2, True)])
-def test_hysteresis_that_does_not_suit_the_swing_is_warned_of(hysteresis: float, *, is_warned: bool) -> None:
-    told = tacho_findings(turning()["tacho"], Tacho(threshold=2.15, hysteresis=hysteresis))
-    assert told == ({"tacho hysteresis": Finding.LEVELS} if is_warned else {})
+def test_unsuitable_hysteresis_is_a_warning(hysteresis: float, *, is_warned: bool) -> None:
+    found = tacho_findings(turning()["tacho"], Tacho(threshold=2.15, hysteresis=hysteresis))
+    assert found == ({"tacho hysteresis": Finding.LEVELS} if is_warned else {})
 
 
-def test_mark_that_is_not_as_configured_is_warned_of() -> None:
+def test_wrong_mark_fraction_is_a_warning() -> None:
     thin = np.where(30.0 * TIME % 1.0 < 0.2, 4.2, 0.1) + noise(0.01, 9)
     assert tacho_findings(thin, replace(TACHO, mark_fraction=0.2)) == {}
     assert tacho_findings(thin, replace(TACHO, mark_fraction=0.8)) == {"tacho mark": Finding.REVERSED}
     assert tacho_findings(thin, replace(TACHO, mark_fraction=0.5)) == {"tacho mark": Finding.DUTY}
 
 
-def test_uneven_marks_scatter_and_a_run_up_does_not() -> None:
+def test_random_periods_are_scatter_and_a_run_up_is_not() -> None:
     uneven = np.where((60.0 * TIME + 0.1 * np.cos(2 * np.pi * 30 * TIME)) % 1.0 < 0.5, 4.2, 0.1)
     assert tacho_findings(uneven) == {"tacho pulses": Finding.SCATTER}
     run_up = np.where((10.0 * TIME + 40.0 * TIME**2) % 1.0 < 0.5, 4.2, 0.1)
     assert tacho_findings(run_up) == {}
 
 
-def test_marks_that_lie_unevenly_but_come_again_with_every_turn_do_not_scatter() -> None:
+def test_uneven_mark_spacing_is_no_scatter() -> None:
     turn = 30.0 * TIME % 1.0
     two = np.where((turn < 0.15) | ((turn > 0.3) & (turn < 0.65)), 4.2, 0.1) + noise(0.01, 9)
     assert tacho_findings(two, replace(TACHO, pulses_per_revolution=2)) == {}
@@ -205,7 +205,7 @@ def test_marks_that_lie_unevenly_but_come_again_with_every_turn_do_not_scatter()
     np.testing.assert_allclose(np.diff(signal.angle) * RATE, 2 * np.pi * 30.0, rtol=0.01)
 
 
-def test_few_marks_tell_no_speed() -> None:
+def test_too_few_edges_give_no_speed() -> None:
     slow = np.where(1.5 * TIME % 1.0 < 0.5, 4.2, 0.1)
     assert tacho_findings(slow) == {"tacho pulses": Finding.STILL}
 
@@ -239,7 +239,7 @@ def test_samples_of_other_channels_are_refused() -> None:
         wiring_checks(ACQUISITION, np.zeros((2, 5), np.int16))
 
 
-def test_check_has_a_finding_unless_it_is_good() -> None:
+def test_check_has_a_finding_unless_it_passed() -> None:
     with pytest.raises(ValueError, match="expected a finding"):
         Check("a", Verdict.WARN, "b", "c")
     assert worst_verdict(()) is Verdict.GOOD

@@ -1,4 +1,4 @@
-"""Whole records of codes against motion that is known: the bars of amplitude, phase and tacho repair."""
+"""Angular records of known motion: accuracy of amplitude, phase and tacho repair."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,7 +32,7 @@ def angle_of(turn_rate: float, duration: float) -> ShaftAngle:
     return shaft_angle(pulse_record(np.arange(0.0, duration, 1 / turn_rate), TACHO))
 
 
-def test_a_fast_run_up_keeps_three_orders_at_the_noise_limit(make_bench: Maker, make_record: Recorder) -> None:
+def test_fast_run_up_of_three_orders_is_accurate_to_the_noise(make_bench: Maker, make_record: Recorder) -> None:
     bench = make_bench()
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -2.0, 0.3), (8 * MICRO, 0.5, 0.0))
     record = make_record(motion, bench.ramp(100.0, 1000.0, 12.0), 12.0, noise=0.2 * MICRO, tacho=FAST)
@@ -46,7 +46,7 @@ def test_a_fast_run_up_keeps_three_orders_at_the_noise_limit(make_bench: Maker, 
     assert phase.std() < 0.1
 
 
-def test_a_clean_run_up_shows_nothing_between_the_orders(make_bench: Maker) -> None:
+def test_clean_run_up_has_no_lines_between_the_orders(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
     ramp, motion = bench.ramp(100.0, 1000.0, 6.0), bench.circles((20 * MICRO, 1.0, 0.4))
     edges = tacho_edges(bench.acquisition, bench.codes(ramp, motion, 6.0))
@@ -55,7 +55,7 @@ def test_a_clean_run_up_shows_nothing_between_the_orders(make_bench: Maker) -> N
     assert order_map(record).amplitudes()[:, :, 3:15].max() < 1e-9  # 0.1875X to 0.875X
 
 
-def test_phase_at_a_thousand_turns_a_second_neither_scatters_nor_drifts(
+def test_phase_at_1000_revolutions_per_second_has_no_scatter_and_no_drift(
     make_bench: Maker, make_record: Recorder
 ) -> None:
     bench = make_bench()
@@ -69,23 +69,23 @@ def test_phase_at_a_thousand_turns_a_second_neither_scatters_nor_drifts(
     assert abs(phase[:third].mean() - phase[-third:].mean()) < 0.01
 
 
-def test_missing_and_double_pulses_do_not_spoil_the_vectors(make_bench: Maker) -> None:
+def test_missing_and_double_pulses_do_not_affect_the_vectors(make_bench: Maker) -> None:
     bench = make_bench(noise=0.2 * MICRO, tacho=FAST)
     codes = bench.codes(bench.ramp(100.0, 300.0, 8.0), bench.circles((20 * MICRO, 1.0, 0.4)), 8.0)
     edges = tacho_edges(bench.acquisition, codes)
     random = np.random.default_rng(2)
-    kept = edges[random.random(edges.size) >= 0.02]
+    remaining = edges[random.random(edges.size) >= 0.02]
     extra = np.flatnonzero(random.random(edges.size - 1) < 0.02)
     doubles = edges[extra] + random.uniform(0.02, 0.98, extra.size) * np.diff(edges)[extra]
     errors = []
-    for pulses in (edges, np.sort(np.concatenate([kept, doubles]))):
+    for pulses in (edges, np.sort(np.concatenate([remaining, doubles]))):
         record = angular_record_from_codes(bench.acquisition, codes, pulse_times=pulses)
         amplitudes = np.abs(track_order(record, 1.0).vectors)
         errors.append(float(np.sqrt(np.mean((amplitudes / (20 * MICRO) - 1) ** 2))))
     assert errors[1] < 1.2 * errors[0]
 
 
-def test_stamped_pulses_serve_as_well_as_the_waveform(make_bench: Maker) -> None:
+def test_counter_timestamps_give_the_same_result_as_the_waveform(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
     codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4)), 1.0)
     stamped = np.asarray((np.arange(1, 200) - 0.3) / 200.0, dtype=np.float64)  # the bench starts at 0.3 of a turn
@@ -98,7 +98,7 @@ def test_stamped_pulses_serve_as_well_as_the_waveform(make_bench: Maker) -> None
     ("turn_rate", "frequency"),
     [(20.0, 1_213.0), (20.0, 9_000.0), (20.0, 45_000.0), (150.0, 9_095.0), (150.0, 30_000.0), (700.0, 44_700.0)],
 )
-def test_nothing_above_the_grid_folds_into_the_spectrum(turn_rate: float, frequency: float) -> None:
+def test_motion_above_the_grid_does_not_alias(turn_rate: float, frequency: float) -> None:
     rate, n = 100_000.0, 60_000
     wave = np.cos(2 * np.pi * frequency * np.arange(n) / rate) * np.ones((2, 1))
     record = angular_record(wave, rate, angle_of(turn_rate, n / rate), ProbePair(0.0, np.pi / 2))
@@ -106,7 +106,7 @@ def test_nothing_above_the_grid_folds_into_the_spectrum(turn_rate: float, freque
 
 
 @pytest.mark.parametrize("rise", [30e-6, 1e-7])  # of the tacho's edge: its marks scatter by 1 ns and by 3 us
-def test_live_frames_and_the_record_agree_within_what_they_state(make_bench: Maker, rise: float) -> None:
+def test_live_frames_and_record_agree_within_their_uncertainty(make_bench: Maker, rise: float) -> None:
     bench = replace(make_bench(tacho=FAST), tacho_rise=rise)
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.47, 1.0), (3 * MICRO, 2.0, 0.0))
     codes = bench.codes(bench.ramp(60.0, 400.0, 5.0), motion, 5.0)
@@ -146,7 +146,7 @@ def test_resampling_is_linear_and_shifts_with_time(scale: float, other: float, d
     np.testing.assert_allclose(a[:, :common], b[:, :common], atol=1e-8)  # halved rates keep the same samples
 
 
-def test_what_cannot_be_analysed_is_refused_with_its_reason(make_bench: Maker) -> None:
+def test_invalid_records_are_refused_with_the_reason(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
     codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
     silent = codes.copy()
@@ -169,7 +169,7 @@ def test_what_cannot_be_analysed_is_refused_with_its_reason(make_bench: Maker) -
         angular_record(np.zeros((2, 100)), 1e5, angle_of(200.0, 0.09), ProbePair(0.0, 1.0))
 
 
-def test_a_record_tells_what_its_pulses_and_samples_lacked(make_bench: Maker) -> None:
+def test_record_reports_repaired_pulses_and_clipped_samples(make_bench: Maker) -> None:
     bench = make_bench()  # its tacho needs 1 ms of light and of dark
     codes = bench.codes(bench.steady(700.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
     codes[0, 100:107] = 32767
@@ -180,7 +180,7 @@ def test_a_record_tells_what_its_pulses_and_samples_lacked(make_bench: Maker) ->
     assert (record.pulses.filled, record.pulses.rejected) == (0, 0)
 
 
-def test_a_part_of_a_record_keeps_its_times(make_angular: Callable[..., AngularRecord]) -> None:
+def test_section_of_a_record_has_the_same_times(make_angular: Callable[..., AngularRecord]) -> None:
     record = make_angular((1.0, 1.0, 0.0), revolutions=20)
     part = record.section(5, 12)
     assert (part.revolutions, part.first_turn) == (7, 5)
@@ -192,7 +192,7 @@ def test_a_part_of_a_record_keeps_its_times(make_angular: Callable[..., AngularR
     assert replace(record, first_turn=3).section(0, 2).first_turn == 3
 
 
-def test_orders_one_to_six_at_600_hertz_go_through_the_whole_chain_within_a_quarter_per_cent() -> None:
+def test_orders_one_to_six_at_600_hertz_are_accurate_through_the_whole_chain() -> None:
     """Orders 1, 0.5, 4 and 6 at 600 Hz on a shaft from 10 to 40 Hz in 5 s: order 6 reaches 0.4 of the rate."""
     rate, amplitudes = 600.0, {1.0: 1.0, 0.5: 0.5, 4.0: 2.0**0.5, 6.0: 2.0}
     time = np.arange(int(rate * 5.0)) / rate

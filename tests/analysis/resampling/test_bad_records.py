@@ -1,4 +1,4 @@
-"""Shafts and signals as they should not be, through every tool: a result, or one clear refusal, never a warning."""
+"""Bad signals and unusual shafts through every function: a finite result or one clear error, never a warning."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -197,7 +197,7 @@ def test_unusual_shafts_give_finite_results(tool: str, shaft: str) -> None:
 
 @pytest.mark.parametrize("signal", ["one NaN", "all NaN", "infinite"])
 @pytest.mark.parametrize("tool", OF_SAMPLES)
-def test_samples_that_are_no_numbers_are_refused(tool: str, signal: str) -> None:
+def test_samples_that_are_not_finite_are_refused(tool: str, signal: str) -> None:
     with pytest.raises(ValueError, match="finite"):
         OF_SAMPLES[tool](SIGNALS[signal])
 
@@ -223,14 +223,14 @@ WRONG: dict[str, tuple[str, Callable[[AngularRecord], object]]] = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_settings_that_make_no_sense_are_refused_by_name(wrong: str) -> None:
+def test_invalid_settings_are_refused_by_name(wrong: str) -> None:
     name, ask = WRONG[wrong]
     with pytest.raises(ValueError, match=name):
         ask(record_of(STEADY, "wave"))
 
 
 @pytest.mark.parametrize("jump", [0.85, 1.18, 1.6])
-def test_a_speed_that_jumps_is_refused(jump: float) -> None:
+def test_jump_of_speed_is_refused(jump: float) -> None:
     SHAFTS[f"jumps to {jump}"] = lambda time: np.where(time < 1.5, 100.0, 100.0 * jump)
     with pytest.raises(TachoRefusedError, match="analyse the record in parts"):
         angle_of(f"jumps to {jump}")
@@ -251,7 +251,7 @@ def random_pulses(random: np.random.Generator) -> FloatArray:
     return np.unique(times[random.random(times.size) > random.choice([0.0, 0.01, 0.1])])
 
 
-def test_any_pulses_give_an_angle_that_rises_or_one_refusal() -> None:
+def test_any_pulses_give_a_rising_angle_or_one_error() -> None:
     random = np.random.default_rng(0)
     refused = 0
     for _ in range(400):
@@ -267,9 +267,9 @@ def test_any_pulses_give_an_angle_that_rises_or_one_refusal() -> None:
     assert 50 < refused < 350
 
 
-def test_any_pulses_give_the_live_train_a_speed_that_is_finite_or_none() -> None:
+def test_any_pulses_give_a_finite_live_speed_or_none() -> None:
     random = np.random.default_rng(1)
-    told = 0
+    finite = 0
     for _ in range(120):
         train = PulseTrain(replace(TACHO, pulses_per_revolution=int(random.choice([1, 2, 3, 12]))), 30)
         pulses = np.repeat(random_pulses(random), random.choice([1, 1, 1, 2]))  # a counter may stamp one tick twice
@@ -280,8 +280,8 @@ def test_any_pulses_give_the_live_train_a_speed_that_is_finite_or_none() -> None
             assert np.isnan(speed) or 0.0 < speed < np.inf
             assert (np.diff(turns) > 0).all()
             assert (np.diff(times) > 0.0).all()
-            told += np.isfinite(speed)
-    assert told > 80
+            finite += np.isfinite(speed)
+    assert finite > 80
 
 
 def spoilt(row: Codes, random: np.random.Generator) -> Codes:
@@ -296,11 +296,11 @@ def spoilt(row: Codes, random: np.random.Generator) -> Codes:
     return np.where(np.arange(row.size) < stuck, row, row[stuck]) if kind == 3 else row
 
 
-def test_any_codes_give_finite_results_or_one_refusal(make_bench: Callable[..., "Bench"]) -> None:
+def test_any_codes_give_finite_results_or_one_error(make_bench: Callable[..., "Bench"]) -> None:
     bench = replace(make_bench(rate=5_000.0, tacho={"response_time": 1e-5}), tacho_rise=2e-4)
     good = bench.codes(bench.steady(50.0), bench.circles((2e-5, 1.0, 0.0), (8e-6, 0.47, 1.0)), 1.5)
     random = np.random.default_rng(0)
-    told = 0
+    finite = 0
     for _ in range(60):
         codes = np.stack([spoilt(row, random) for row in good[:, : int(random.integers(1, good.shape[1]))]])
         for by_tacho in (True, False):
@@ -315,11 +315,11 @@ def test_any_codes_give_finite_results_or_one_refusal(make_bench: Callable[..., 
                 continue
             assert np.isfinite(frames.amplitudes()).all()
             assert np.isfinite(track_order(record, 1.0).sigma).all()
-            told += 1
-    assert told > 10
+            finite += 1
+    assert finite > 10
 
 
-def test_records_that_do_not_fit_together_are_refused() -> None:
+def test_records_of_different_shapes_are_refused() -> None:
     good = record_of(STEADY, "wave")
     with pytest.raises(ValueError, match="finite"):
         good.with_waveform(np.nan * good.waveform)

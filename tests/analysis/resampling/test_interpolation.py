@@ -1,4 +1,4 @@
-"""The interpolator and the pyramid against waves that are known."""
+"""Interpolation and the decimation pyramid on known waves."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 
 @pytest.mark.parametrize(("frequency", "bar"), [(0.0, 1e-12), (0.05, 5e-5), (0.3, 5e-5), (0.4, 3e-4), (0.42, 1e-3)])
-def test_interpolation_keeps_waves_to_four_tenths_of_the_rate(frequency: float, bar: float) -> None:
+def test_interpolation_is_accurate_up_to_0_4_of_the_rate(frequency: float, bar: float) -> None:
     n = np.arange(500)
     positions = np.linspace(20.0, 470.0, 3001)[None]
     for phase in (0.0, 1.0, 2.0):
@@ -22,7 +22,7 @@ def test_interpolation_keeps_waves_to_four_tenths_of_the_rate(frequency: float, 
         assert np.abs(interpolate(wave, positions) - truth).max() < bar
 
 
-def test_interpolation_gives_the_samples_themselves() -> None:
+def test_interpolation_at_samples_gives_the_samples() -> None:
     samples = np.random.default_rng(0).standard_normal((2, 80))
     positions = np.tile(np.arange(HALF_WIDTH - 1.0, 80.0 - 1 - HALF_WIDTH), (2, 1))
     np.testing.assert_allclose(
@@ -48,26 +48,26 @@ def pushed(pyramid: DecimationPyramid, samples: FloatArray, size: int) -> Decima
 
 
 @pytest.mark.parametrize("level", [1, 2, 4])
-def test_a_level_holds_the_samples_at_its_rate(level: int) -> None:
+def test_level_contains_the_samples_at_its_rate(level: int) -> None:
     n = np.arange(20_000)
     frequency = 0.2 / 2**level
     samples = np.stack([np.cos(2 * np.pi * frequency * n), 3.0 + np.sin(2 * np.pi * frequency * n)])
-    kept, first = pushed(DecimationPyramid(2, 5, 30_000, 0), samples, 999).level(level)
-    at = (first + np.arange(kept.shape[1])) * 2**level
+    samples_of_level, first = pushed(DecimationPyramid(2, 5, 30_000, 0), samples, 999).level(level)
+    at = (first + np.arange(samples_of_level.shape[1])) * 2**level
     truth = np.stack([np.cos(2 * np.pi * frequency * at), 3.0 + np.sin(2 * np.pi * frequency * at)])
-    np.testing.assert_allclose(kept, truth, atol=1e-4)
+    np.testing.assert_allclose(samples_of_level, truth, atol=1e-4)
     assert at[-1] > 20_000 - 2 * HALF_BAND_REACH * 2**level
 
 
 @pytest.mark.parametrize("frequency", [0.3, 0.37, 0.5])
-def test_a_level_holds_nothing_above_its_rate(frequency: float) -> None:
+def test_level_contains_no_aliases(frequency: float) -> None:
     wave = np.cos(2 * np.pi * frequency * np.arange(4000))[None]
-    kept, _ = pushed(DecimationPyramid(1, 2, 4000, 0), wave, 4000).level(1)
-    assert np.abs(kept).max() < 1.5e-4
+    samples_of_level, _ = pushed(DecimationPyramid(1, 2, 4000, 0), wave, 4000).level(1)
+    assert np.abs(samples_of_level).max() < 1.5e-4
 
 
 @pytest.mark.parametrize("size", [1, 7, 64, 1000])
-def test_levels_are_the_same_bits_for_any_portion_but_for_the_filter(size: int) -> None:
+def test_levels_are_bit_identical_for_any_block_size(size: int) -> None:
     samples = np.random.default_rng(1).standard_normal((2, 2000))
     whole, piece = (
         pushed(DecimationPyramid(2, 4, 4000, 100), samples, 2000),
@@ -78,15 +78,15 @@ def test_levels_are_the_same_bits_for_any_portion_but_for_the_filter(size: int) 
         np.testing.assert_allclose(whole.level(level)[0], piece.level(level)[0], atol=1e-14)
 
 
-def test_a_pyramid_forgets() -> None:
+def test_pyramid_discards_old_samples() -> None:
     pyramid = pushed(DecimationPyramid(1, 3, 500, 0), np.arange(10_000.0)[None], 128)
     for level in range(3):
-        kept, first = pyramid.level(level)
-        assert kept.shape[1] == 500
-        np.testing.assert_allclose(kept[0], (first + np.arange(500)) * 2**level, rtol=1e-12)
+        samples_of_level, first = pyramid.level(level)
+        assert samples_of_level.shape[1] == 500
+        np.testing.assert_allclose(samples_of_level[0], (first + np.arange(500)) * 2**level, rtol=1e-12)
 
 
-def test_orders_one_to_six_at_600_hertz_are_kept_within_a_quarter_per_cent() -> None:
+def test_orders_one_to_six_at_600_hertz_are_accurate_within_a_quarter_per_cent() -> None:
     """Orders 1, 0.5, 4 and 6 sampled at 600 Hz on a shaft from 10 to 40 Hz: order 6 reaches 0.4 of the rate."""
     rate, duration = 600.0, 5.0
     time = np.arange(int(rate * duration)) / rate
@@ -105,7 +105,7 @@ def test_orders_one_to_six_at_600_hertz_are_kept_within_a_quarter_per_cent() -> 
     assert max(worst.values()) < 0.0025, worst
 
 
-def test_interpolation_beats_a_cubic_spline_high_up() -> None:
+def test_interpolation_beats_a_cubic_spline_at_high_frequencies() -> None:
     n = np.arange(400)
     positions = np.linspace(30.0, 350.0, 999)
     wave = np.cos(2 * np.pi * 0.3 * n)

@@ -1,4 +1,4 @@
-"""The shaft's mean position in its clearance."""
+"""The shaft centreline."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ Maker = Callable[..., AngularRecord]
 MICRO = 1e-6
 
 
-def test_a_shaft_lifts_from_where_it_lay(make_angular: Maker) -> None:
+def test_shaft_lifts_from_its_rest_position(make_angular: Maker) -> None:
     record = make_angular((20 * MICRO, 1.0, 0.0), noise=0.5 * MICRO, mean=(-500 * MICRO, -480 * MICRO))
     line = centreline(record, np.array([-520 * MICRO, -540 * MICRO]), 100 * MICRO)
     np.testing.assert_allclose(line.positions[0], 20 * MICRO, atol=0.05 * MICRO)
@@ -26,7 +26,7 @@ def test_a_shaft_lifts_from_where_it_lay(make_angular: Maker) -> None:
     np.testing.assert_allclose(np.hypot(*line.circle()), 100 * MICRO)
 
 
-def test_a_wrong_reference_shows_as_a_shaft_outside_its_clearance(make_angular: Maker) -> None:
+def test_wrong_rest_position_shows_as_a_shaft_outside_its_clearance(make_angular: Maker) -> None:
     line = centreline(make_angular(mean=(0.0, 0.0)), np.zeros(2), 100 * MICRO, rest_position=(0.0, -150 * MICRO))
     assert not line.is_inside.any()
 

@@ -14,7 +14,7 @@ from analysis.shaft.overall import trimmed_extremes
     st.integers(0, 30),
     st.integers(1, 40),
 )
-def test_any_samples_give_what_ranking_all_of_them_gives(values: list[float], spare: int, repeats: int) -> None:
+def test_trimmed_extremes_equal_those_of_sorting(values: list[float], spare: int, repeats: int) -> None:
     row = np.tile(values, repeats)
     spare = min(spare, (row.size - 1) // 2)
     ranked = np.sort(row)
@@ -22,7 +22,7 @@ def test_any_samples_give_what_ranking_all_of_them_gives(values: list[float], sp
     assert (low[0], high[0]) == (ranked[spare], ranked[row.size - 1 - spare])
 
 
-def test_motion_with_glitches_gives_what_ranking_gives_for_each_row() -> None:
+def test_trimmed_extremes_of_motion_with_glitches_equal_those_of_sorting() -> None:
     random = np.random.default_rng(1)
     rows = np.sin(np.linspace(0.0, 600.0, 10_000)) * [[1.0], [2.0]] + 0.01 * random.standard_normal((2, 10_000))
     rows[:, random.integers(0, 10_000, 12)] += 30.0 * random.standard_normal((2, 12))
@@ -34,6 +34,6 @@ def test_motion_with_glitches_gives_what_ranking_gives_for_each_row() -> None:
 
 
 @pytest.mark.parametrize(("shape", "spare"), [((2, 10), 5), ((10,), 0), ((2, 10), -1)])
-def test_more_spared_than_there_are_is_refused(shape: tuple[int, ...], spare: int) -> None:
+def test_excluding_too_many_samples_is_refused(shape: tuple[int, ...], spare: int) -> None:
     with pytest.raises(ValueError, match="samples, spare"):
         trimmed_extremes(np.zeros(shape), spare)

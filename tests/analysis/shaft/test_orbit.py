@@ -1,4 +1,4 @@
-"""Orbits of chosen orders."""
+"""Direct and filtered orbits."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from analysis.signals.errors import RecordTooShortError
 Maker = Callable[..., AngularRecord]
 
 
-def test_a_filtered_orbit_is_its_order_alone_with_the_mark_at_its_begin(make_angular: Maker) -> None:
+def test_filtered_orbit_contains_one_order_and_starts_at_theta_0(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (4.0, -1.0, 0.0), (8.0, 0.5, 0.0), (3.0, 2.0, 1.0))
     orbit = filtered_orbit(record, (1.0,))
     truth = 20 * np.exp(1j * (2 * np.pi * np.arange(64) / 64 + 0.4)) + 4 * np.exp(-2j * np.pi * np.arange(64) / 64)
@@ -24,18 +24,18 @@ def test_a_filtered_orbit_is_its_order_alone_with_the_mark_at_its_begin(make_ang
     assert np.diff(orbit.times[0]) == pytest.approx(1 / 6400)
 
 
-def test_filtered_and_rest_make_the_direct_orbit(make_angular: Maker) -> None:
+def test_filtered_and_residual_orbit_add_up_to_the_direct_orbit(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (8.0, 0.47, 0.0), noise=0.1)
-    kept = filtered_orbit(record, (1.0,), revolutions=4)
+    filtered = filtered_orbit(record, (1.0,), revolutions=4)
     left = orbit_without(record, (1.0,), revolutions=4)
     direct = direct_orbit(record, 4)
-    rest = direct.motion - kept.motion - left.motion
+    rest = direct.motion - filtered.motion - left.motion
     assert np.ptp(rest, axis=(1, 2)).max() < 1e-9  # but for a constant, the mean being taken off each
     assert left.peak_to_peak == pytest.approx([16.0, 16.0], abs=1.0)
-    assert 0.001 < kept.sigma < 0.05
+    assert 0.001 < filtered.sigma < 0.05
 
 
-def test_several_orders_can_be_kept_together(make_angular: Maker) -> None:
+def test_orbit_can_contain_several_orders(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (3.0, 2.0, 1.0), (8.0, 0.5, 0.0))
     both = filtered_orbit(record, (1.0, 2.0), revolutions=2)
     assert len(both.ellipses) == 2

@@ -1,4 +1,4 @@
-"""Overall vibration of a record."""
+"""Overall vibration of a record, and trimmed extremes."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ RATE = 100_000.0
 TIME = np.arange(100_000) / RATE
 
 
-def test_the_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() -> None:
+def test_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() -> None:
     one, whirl = np.cos(2 * np.pi * 200.0 * TIME), np.cos(2 * np.pi * 94.0 * TIME + 1.0)
     found = overall(np.stack([20 * one + 8 * whirl, 20 * one]) * MICRO, RATE, 100 * MICRO)
     np.testing.assert_allclose(found.peak_to_peak[0], 56 * MICRO, rtol=0.02)
@@ -27,7 +27,7 @@ def test_the_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() 
     np.testing.assert_allclose(found.times, 0.05 + 0.1 * np.arange(10))
 
 
-def test_what_is_left_out_for_glitches_costs_what_is_told() -> None:
+def test_excluding_glitch_samples_has_the_stated_bias() -> None:
     sine = np.cos(2 * np.pi * 203.7 * TIME) * np.ones((2, 1))
     found = overall(sine, RATE, 1.0)
     assert found.excluded_samples == 20
@@ -38,7 +38,7 @@ def test_what_is_left_out_for_glitches_costs_what_is_told() -> None:
     assert overall(spiked, RATE, 1.0).peak_to_peak[0, 0] == pytest.approx(2.0, rel=1e-3)
 
 
-def test_a_whole_record_gives_what_was_told_live(make_bench: Callable[..., "Bench"]) -> None:
+def test_whole_record_gives_the_live_peak_to_peak(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(
         bench.ramp(50.0, 150.0, 2.0), bench.circles((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.47, 0.0)), 2.0

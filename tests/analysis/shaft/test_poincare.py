@@ -1,4 +1,4 @@
-"""Points at the mark: what they tell."""
+"""Poincaré sections and bifurcation diagrams."""
 
 from collections.abc import Callable
 
@@ -27,13 +27,13 @@ def test_subharmonics_are_clusters_and_whirl_is_a_curve(
         assert section.scatter < 0.25
 
 
-def test_chaos_is_a_cloud_and_few_revolutions_tell_nothing(make_angular: Maker) -> None:
+def test_chaos_is_a_cloud_and_few_revolutions_are_unknown(make_angular: Maker) -> None:
     assert poincare_section(make_angular(noise=5.0, revolutions=128), noise=0.1).pattern is Pattern.CLOUD
     assert poincare_section(make_angular((8.0, 0.5, 0.0), revolutions=40)).pattern is Pattern.UNKNOWN
     assert poincare_section(make_angular((8.0, 1.0, 0.0), revolutions=128)).pattern is Pattern.POINT
 
 
-def test_bifurcation_shows_the_points_without_the_centrelines_path(make_angular: Maker) -> None:
+def test_bifurcation_diagram_is_free_of_the_centreline_motion(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.0), (8.0, 0.5, 0.0), revolutions=400)
     wandering = record.with_waveform(record.waveform + 0.5 * np.arange(400)[None, :, None])
     speeds, positions = bifurcation_diagram(wandering)

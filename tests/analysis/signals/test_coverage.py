@@ -1,4 +1,4 @@
-"""Two standard deviations that a result states cover the truth in 90 to 99 of 100 runs, for every result, 500 runs."""
+"""Two stated standard deviations cover the true value in 90 to 99 of 100 runs, for every result, on 500 runs."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -83,7 +83,7 @@ def unequal_probes(random: np.random.Generator) -> list[float]:
     waveform[1] = 1.02 * waveform[1] + 0.01 * waveform[0]
     found = probe_mismatch(order_map(record.with_waveform(waveform)))
     if not found.is_determined:
-        return [0.0, 0.0]  # held against it only by the number of runs in which it is told
+        return [0.0, 0.0]  # excluded from the coverage, but the number of such runs is limited
     return [(found.gain - 0.02) / found.sigma, (found.skew - 0.01) / found.sigma]
 
 
@@ -140,9 +140,9 @@ def without_tacho(random: np.random.Generator) -> list[float]:
 @pytest.mark.parametrize("of", [order_vectors, averages, unequal_probes, below_one_x, in_time, without_tacho])
 def test_two_standard_deviations_cover_the_truth(of: Callable[[np.random.Generator], list[float]]) -> None:
     errors = np.array([of(np.random.default_rng(seed)) for seed in range(RUNS)])
-    told = np.any(errors != 0.0, axis=1)
-    covered = np.mean(np.abs(errors[told]) < 2.0, axis=0)
-    print(f"\n{of.__doc__} covered in {np.round(100 * covered, 1)} % of {np.count_nonzero(told)}")
-    assert np.count_nonzero(told) > 0.95 * RUNS
+    stated = np.any(errors != 0.0, axis=1)
+    covered = np.mean(np.abs(errors[stated]) < 2.0, axis=0)
+    print(f"\n{of.__doc__} covered in {np.round(100 * covered, 1)} % of {np.count_nonzero(stated)}")
+    assert np.count_nonzero(stated) > 0.95 * RUNS
     assert (covered >= 0.90).all()
     assert (covered <= 0.99).all()

@@ -11,13 +11,13 @@ DIRECTIONS = st.floats(-np.pi, np.pi)
 
 
 @given(angle=DIRECTIONS, apart=st.floats(0.1, 3.0), X=st.floats(-1, 1), Y=st.floats(-1, 1))
-def test_motion_comes_back_from_any_two_probes(angle: float, apart: float, X: float, Y: float) -> None:
+def test_motion_is_recovered_from_any_two_probes(angle: float, apart: float, X: float, Y: float) -> None:
     pair = ProbePair(angle, angle + apart)
     motion = np.array([[X], [Y]])
     np.testing.assert_allclose(pair.to_bench(pair.to_probes(motion)), motion, atol=1e-13)
 
 
-def test_a_probe_sees_motion_towards_itself() -> None:
+def test_probe_measures_motion_towards_itself() -> None:
     pair = ProbePair(np.pi / 4, 3 * np.pi / 4)
     np.testing.assert_allclose(pair.to_probes(np.array([1.0, 0.0])), [0.5**0.5, -(0.5**0.5)])
 
@@ -33,7 +33,7 @@ def test_parallel_probes_are_refused(apart: float) -> None:
     forward=st.complex_numbers(max_magnitude=10, allow_nan=False),
     backward=st.complex_numbers(max_magnitude=10, allow_nan=False),
 )
-def test_circles_are_split_whatever_the_probes_directions(angle: float, forward: complex, backward: complex) -> None:
+def test_circles_are_separated_for_any_probe_angles(angle: float, forward: complex, backward: complex) -> None:
     phase = 2 * np.pi * np.arange(8) / 8
     z = forward * np.exp(1j * phase) + backward * np.exp(-1j * phase)
     pair = ProbePair(angle, angle + 1.3)
@@ -43,13 +43,13 @@ def test_circles_are_split_whatever_the_probes_directions(angle: float, forward:
     np.testing.assert_allclose([ellipse.forward, ellipse.backward], [forward, backward], atol=1e-12)
 
 
-def test_cross_talk_between_forward_and_backward_is_none() -> None:
+def test_no_crosstalk_between_forward_and_backward() -> None:
     ellipse = ProbePair(0.0, np.pi / 2).ellipse(np.array([20e-6, -20e-6j]))
     assert ellipse.forward == pytest.approx(20e-6)
     assert abs(ellipse.backward) < 1e-4 * 20e-6
 
 
-def test_an_ellipse_has_axes_and_a_tilt() -> None:
+def test_ellipse_has_axes_and_a_tilt() -> None:
     ellipse = Ellipse(3.0 * np.exp(0.2j), 1.0 * np.exp(0.6j))
     assert (ellipse.major, ellipse.minor) == pytest.approx((4.0, 2.0))
     phase = np.linspace(0, 2 * np.pi, 20_001)

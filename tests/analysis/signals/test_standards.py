@@ -1,4 +1,4 @@
-"""The standards' figures, each with its scope and where it was read."""
+"""Limits of standards, with scope and source."""
 
 import math
 
@@ -10,7 +10,7 @@ from analysis.signals.standards import allowed_combined_runout, permissible_unba
 MICRO = 1e-6
 
 
-def test_figures_of_standards_are_those_quoted_and_say_their_scope() -> None:
+def test_standard_limits_are_those_quoted_with_their_scope() -> None:
     at = {figure.name: figure for figure in standard_limits(2 * np.pi * 200.0)}  # 12,000 r/min
     assert at["vibration limit"].limit == pytest.approx(25.4 * MICRO)
     assert at["zone boundary A/B"].limit == pytest.approx(4800 / np.sqrt(12_000) * MICRO)
@@ -23,7 +23,7 @@ def test_figures_of_standards_are_those_quoted_and_say_their_scope() -> None:
     assert all("not checked against the standard's text" in figure.source for figure in fast.values())
 
 
-def test_permissible_unbalance_is_that_of_the_grade() -> None:
+def test_permissible_unbalance_follows_the_balance_grade() -> None:
     assert permissible_unbalance(2.5e-3, 1.0, 2 * np.pi * 3000 / 60) == pytest.approx(
         9549e-9 * 2.5 / 3000 * 1e3, rel=1e-3
     )
@@ -32,12 +32,12 @@ def test_permissible_unbalance_is_that_of_the_grade() -> None:
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])
-def test_a_speed_that_is_none_has_no_figures(speed: float) -> None:
+def test_invalid_speed_is_refused(speed: float) -> None:
     with pytest.raises(ValueError, match="speed"):
         standard_limits(speed)
 
 
-def test_run_out_may_be_a_quarter_of_what_is_allowed_or_6_4_micrometres() -> None:
+def test_allowed_run_out_is_a_quarter_of_the_vibration_or_6_4_micrometres() -> None:
     assert allowed_combined_runout(10 * MICRO) == pytest.approx(6.4 * MICRO)
     assert allowed_combined_runout(80 * MICRO) == pytest.approx(20 * MICRO)
     with pytest.raises(ValueError, match="allowed"):

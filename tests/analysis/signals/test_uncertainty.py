@@ -1,4 +1,4 @@
-"""What is stated of amplitude, phase and order covers the truth as often as it should."""
+"""Stated uncertainty of amplitude, phase and order."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_two_standard_deviations_cover_the_truth_in_90_to_99_of_100_runs(whirl_o
     assert (covered <= 0.99).all()
 
 
-def test_noise_in_a_line_is_that_of_the_book() -> None:
+def test_line_noise_follows_its_formula() -> None:
     random = np.random.default_rng(0)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(512) / 512)
     lines = 2 * np.fft.rfft(random.standard_normal((400, 512)) * window)[:, 5:250] / window.sum()
@@ -61,11 +61,11 @@ def test_noise_in_a_line_is_that_of_the_book() -> None:
     assert noise_floor_sigma(np.array([np.median(np.abs(lines))]))[0] == pytest.approx(np.std(lines.real), rel=0.01)
 
 
-def test_an_unknown_phase_has_the_scatter_of_a_full_turn() -> None:
+def test_unknown_phase_has_the_uncertainty_of_a_uniform_angle() -> None:
     sigma = phase_sigma(np.array([0.0, 1.0, 1.0]), np.array([1.0, 0.01, 0.0]), np.array([0.0, 0.0, 0.02]), 2.0)
     np.testing.assert_allclose(sigma, [np.pi / np.sqrt(3.0), 0.01, 0.04])
 
 
-def test_an_order_is_surer_where_the_line_is_stronger() -> None:
+def test_stronger_line_has_a_more_accurate_order() -> None:
     weak, strong = order_sigma(np.array([1.0, 10.0]), np.array([0.8, 8.0]), np.array([0.1, 0.1]), 16)
     assert weak == pytest.approx(10 * strong)

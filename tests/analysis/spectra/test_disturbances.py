@@ -1,4 +1,4 @@
-"""Drift and hum."""
+"""Drift and mains hum of a record."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,7 @@ RATE = 5_000.0
 TIME = np.arange(20_000) / RATE
 
 
-def test_drift_is_told_with_its_uncertainty() -> None:
+def test_drift_is_measured_with_its_uncertainty() -> None:
     noise = np.random.default_rng(0).standard_normal(TIME.size)
     found = drift(3.0 + 0.5 * TIME + noise, RATE)
     assert found.slope == pytest.approx(0.5, abs=3 * found.sigma)
@@ -23,7 +23,7 @@ def test_drift_is_told_with_its_uncertainty() -> None:
     assert not drift(3.0 + noise, RATE).is_significant
 
 
-def test_hum_is_told_from_the_shafts_own_orders(make_angular: Maker) -> None:
+def test_hum_is_separated_from_the_shaft_orders(make_angular: Maker) -> None:
     shaft = 20.0 * np.cos(2 * np.pi * 33.0 * TIME)
     hum = mains_hum(shaft + 0.7 * np.cos(2 * np.pi * 50.0 * TIME), RATE, make_angular(revolutions=131, turn_rate=33.0))
     assert (hum.frequency, hum.is_separable) == (50.0, True)

@@ -28,7 +28,7 @@ def run_up() -> ShaftAngle:
     return shaft_angle(pulse_record(np.asarray((np.sqrt(2500.0 + 20.0 * np.arange(990)) - 50.0) / 10.0), TACHO))
 
 
-def test_a_line_that_does_not_turn_with_the_shaft_keeps_its_amplitude_at_every_time() -> None:
+def test_line_of_constant_frequency_has_its_amplitude_at_every_time() -> None:
     found = frequency_map(motion(), RATE, resolution=2.0, highest=400.0)
     assert found.frequencies[-1] == 400.0
     assert found.noise_bandwidth == 3.0
@@ -38,14 +38,14 @@ def test_a_line_that_does_not_turn_with_the_shaft_keeps_its_amplitude_at_every_t
     assert np.isnan(found.speeds).all()
 
 
-def test_the_floor_of_a_frame_is_what_the_noise_makes_of_a_line() -> None:
+def test_noise_floor_of_a_frame_is_that_of_a_noise_line() -> None:
     noise = np.random.default_rng(1).standard_normal((2, 40_000))
     found = frequency_map(noise, RATE, resolution=4.0)
     assert np.mean(found.sigma) == pytest.approx(np.sqrt(2 * 1.5 / 500), rel=0.03)
     assert np.std(found.amplitudes[:, :, 5:-5]) == pytest.approx(0.655 * np.mean(found.sigma), rel=0.03)  # Rayleigh's
 
 
-def test_a_cascade_holds_the_largest_of_each_speed() -> None:
+def test_cascade_contains_the_largest_amplitudes_at_each_speed() -> None:
     found = frequency_map(motion(), RATE, run_up(), resolution=4.0)
     known = np.isfinite(found.speeds)
     np.testing.assert_allclose(found.speeds[known], 2 * np.pi * (50.0 + 10.0 * found.times[known]), rtol=1e-6)
@@ -58,7 +58,7 @@ def test_a_cascade_holds_the_largest_of_each_speed() -> None:
         found.cascade(0.0)
 
 
-def test_what_cannot_be_framed_is_refused() -> None:
+def test_records_shorter_than_a_frame_are_refused() -> None:
     with pytest.raises(RecordTooShortError):
         frequency_map(np.zeros((2, 100)), RATE)
     with pytest.raises(ValueError, match="displacement"):

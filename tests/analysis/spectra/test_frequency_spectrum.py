@@ -1,4 +1,4 @@
-"""Frequency spectra, and the average revolution with what it leaves."""
+"""Frequency spectra and the synchronous average."""
 
 from collections.abc import Callable
 
@@ -16,7 +16,7 @@ RATE = 1_000.0
 
 
 @pytest.mark.parametrize("window", list(Window))
-def test_a_line_and_a_noise_read_what_they_are(window: Window) -> None:
+def test_line_amplitude_and_noise_density_are_correct(window: Window) -> None:
     time = np.arange(200_000) / RATE
     wave = 3.0 * np.cos(2 * np.pi * 100.0 * time) + np.random.default_rng(0).standard_normal(time.size)
     spectrum = frequency_spectrum(wave, RATE, resolution=2.0, window=window)
@@ -27,14 +27,14 @@ def test_a_line_and_a_noise_read_what_they_are(window: Window) -> None:
     assert spectrum.frames > 700
 
 
-def test_a_short_waveform_is_refused() -> None:
+def test_short_waveform_is_refused() -> None:
     with pytest.raises(RecordTooShortError):
         frequency_spectrum(np.zeros(100), RATE)
     with pytest.raises(ValueError, match="resolution"):
         frequency_spectrum(np.zeros(100), RATE, resolution=600.0)
 
 
-def test_the_average_revolution_keeps_what_repeats(make_angular: Maker) -> None:
+def test_synchronous_average_contains_what_repeats(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), noise=0.5, revolutions=400, mean=(7.0, 0.0))
     average = synchronous_average(record)
     clean = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), revolutions=1, mean=(7.0, 0.0)).waveform[:, 0]
@@ -42,7 +42,7 @@ def test_the_average_revolution_keeps_what_repeats(make_angular: Maker) -> None:
     assert np.std(average.waveform - clean) == pytest.approx(float(average.sigma[0]), rel=0.15)
 
 
-def test_the_rest_keeps_the_whirl_and_nothing_else(make_angular: Maker) -> None:
+def test_synchronous_residual_contains_only_the_whirl(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (5.0, 3.0, 0.0), (8.0, 0.47, 0.0), revolutions=200)
     lines = order_map(synchronous_residual(record, 17).section(20, 180)).amplitudes()
     whirl = order_map(record).amplitudes()

@@ -1,4 +1,4 @@
-"""Forward and backward circles, and what unequal probes make of them."""
+"""Forward and backward circles, and probe mismatch."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -30,7 +30,7 @@ def seen(record: AngularRecord, gain: float = 0.0, skew: float = 0.0) -> Angular
     return record.with_waveform(waveform)
 
 
-def test_forward_and_backward_do_not_leak_into_one_another(make_angular: Maker) -> None:
+def test_forward_and_backward_circles_do_not_leak_into_each_other(make_angular: Maker) -> None:
     frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1), (8.0, 0.5, 0.0)))
     spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
     assert np.abs(spectrum.backward[:, 16]).max() / 20.0 < 1e-10
@@ -41,7 +41,7 @@ def test_forward_and_backward_do_not_leak_into_one_another(make_angular: Maker) 
 
 
 @pytest.mark.parametrize("angles", [(0.0, np.pi / 2), (np.pi / 4, 3 * np.pi / 4), (0.3, 1.4), (np.pi / 2, 0.0)])
-def test_circles_do_not_depend_on_where_the_probes_sit(make_angular: Maker, angles: tuple[float, float]) -> None:
+def test_circles_do_not_depend_on_the_probe_angles(make_angular: Maker, angles: tuple[float, float]) -> None:
     plain = make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1))
     pair = ProbePair(*angles)
     turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
@@ -51,7 +51,7 @@ def test_circles_do_not_depend_on_where_the_probes_sit(make_angular: Maker, angl
     np.testing.assert_allclose(np.abs(spectrum.backward[:, 32]), 5.0, atol=1e-9)
 
 
-def test_the_axis_runs_from_backward_to_forward(make_angular: Maker) -> None:
+def test_axis_runs_from_backward_to_forward(make_angular: Maker) -> None:
     frames = order_map(make_angular((20.0, 1.0, 0.4), (5.0, -2.0, 0.1)))
     spectrum = full_spectrum(frames.orders, frames.spectrum, frames.pair)
     amplitudes = spectrum.amplitudes[0]
@@ -63,7 +63,7 @@ def test_the_axis_runs_from_backward_to_forward(make_angular: Maker) -> None:
 
 
 @pytest.mark.parametrize(("gain", "skew"), [(0.01, 0.0), (-0.02, 0.0), (0.0, 0.01), (0.01, -0.005)])
-def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
+def test_probe_mismatch_is_determined_and_not_shown_as_backward_whirl(
     make_angular: Maker, gain: float, skew: float
 ) -> None:
     frames = order_map(seen(make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO), gain, skew))
@@ -73,14 +73,14 @@ def test_a_mismatch_of_the_probes_is_told_and_not_shown_as_backward_whirl(
     assert mismatch.skew == pytest.approx(skew, abs=3 * mismatch.sigma)
     assert mismatch.sigma < 0.001
     untold = full_spectrum(frames.orders, frames.spectrum, frames.pair)
-    told = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
+    corrected = full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch)
     assert np.abs(untold.backward[:, 16].mean()) / (20 * MICRO) > 0.004
-    assert np.abs(told.backward[:, 16].mean()) / (20 * MICRO) < 3e-4
+    assert np.abs(corrected.backward[:, 16].mean()) / (20 * MICRO) < 3e-4
     assert untold.uncertain[:, 16].all()
-    assert told.uncertain[:, 16].all()
+    assert corrected.uncertain[:, 16].all()
 
 
-def test_a_mismatch_is_taken_off_the_record_before_orbits_are_drawn(make_angular: Maker) -> None:
+def test_mismatch_is_corrected_in_a_record(make_angular: Maker) -> None:
     true = make_angular(*FORWARD, revolutions=200, noise=0.05 * MICRO)
     record = seen(true, 0.02, 0.01)
     mismatch = probe_mismatch(order_map(record))
@@ -91,7 +91,7 @@ def test_a_mismatch_is_taken_off_the_record_before_orbits_are_drawn(make_angular
     assert probe_mismatch(order_map(alone)).correct_record(alone) is alone
 
 
-def test_circles_through_card_and_tacho_do_not_leak_into_one_another(make_bench: Callable[..., "Bench"]) -> None:
+def test_circles_sampled_through_card_and_tacho_do_not_leak_into_each_other(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(noise=0.0, tacho={"response_time": 1e-5}, angles=(np.pi / 4, 3 * np.pi / 4))
     ramp, motion = bench.ramp(100.0, 1000.0, 4.0), bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -2.0, 0.1))
     edges = tacho_edges(bench.acquisition, bench.codes(ramp, motion, 4.0))
@@ -106,7 +106,7 @@ def test_circles_through_card_and_tacho_do_not_leak_into_one_another(make_bench:
     assert np.abs(found.forward[:, 32]).max() < 1e-4 * 5 * MICRO
 
 
-def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
+def test_mirrored_probe_pair_has_the_same_gain_mismatch(make_angular: Maker) -> None:
     plain = make_angular(*FORWARD, revolutions=200, noise=0.1 * MICRO)
     pair = ProbePair(np.pi / 2, 0.0)
     turned = replace(plain, waveform=pair.to_probes(plain.waveform), pair=pair)
@@ -115,7 +115,7 @@ def test_a_mirrored_pair_tells_the_same_gain(make_angular: Maker) -> None:
     assert mismatch.skew == pytest.approx(0.005, abs=0.001)
 
 
-def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> None:
+def test_elliptic_motion_is_no_mismatch(make_angular: Maker) -> None:
     frames = order_map(make_angular(*FORWARD, (1 * MICRO, -1.0, 0.0), revolutions=200, noise=0.1 * MICRO))
     mismatch = probe_mismatch(frames)
     assert not mismatch.is_determined
@@ -124,14 +124,14 @@ def test_an_elliptic_shaft_is_not_taken_for_a_mismatch(make_angular: Maker) -> N
     assert not spectrum.uncertain[:, 16].any()  # 5 % of the forward circle: more than probes may differ
 
 
-def test_one_component_alone_cannot_tell(make_angular: Maker) -> None:
+def test_single_component_does_not_determine_the_mismatch(make_angular: Maker) -> None:
     frames = order_map(seen(make_angular((20 * MICRO, 1.0, 0.0), noise=0.1 * MICRO), 0.01))
     mismatch = probe_mismatch(frames)
     assert (mismatch.is_determined, mismatch.components) == (False, 1)
     assert full_spectrum(frames.orders, frames.spectrum, frames.pair, mismatch).uncertain[:, 16].all()
 
 
-def test_a_full_cascade_holds_the_largest_circles_of_each_speed(make_angular: Maker) -> None:
+def test_full_cascade_contains_the_largest_circles_at_each_speed(make_angular: Maker) -> None:
     slow, fast = make_angular((5.0, 1.0, 0.0)), make_angular((9.0, 1.0, 0.0), (2.0, -1.0, 0.0))
     waveform = np.concatenate([slow.waveform, fast.waveform], axis=1)
     times = np.concatenate([slow.times, slow.times[-1] + fast.times[1:] / 3.0])  # 100, then 300 turns a second

@@ -1,4 +1,4 @@
-"""Order maps and tracks of any order on records that are known."""
+"""Order maps and order tracks of known records."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,28 +22,28 @@ SHARED = [HealthCheck.function_scoped_fixture]
 @pytest.mark.parametrize(
     ("scaling", "factor"), [(Scaling.PEAK, 1.0), (Scaling.RMS, 0.5**0.5), (Scaling.PEAK_TO_PEAK, 2.0)]
 )
-def test_a_line_reads_its_amplitude_in_every_window_and_scaling(
+def test_line_has_its_amplitude_in_every_window_and_scaling(
     make_angular: Maker, window: Window, scaling: Scaling, factor: float
 ) -> None:
     amplitudes = order_map(make_angular((20.0, 1.0, 0.4)), window=window).amplitudes(scaling)
     np.testing.assert_allclose(amplitudes[:, :, 16], factor * 20.0, rtol=1e-9)
 
 
-def test_a_flat_top_window_reads_between_the_lines(make_angular: Maker) -> None:
+def test_flat_top_window_is_accurate_between_the_lines(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.03125, 0.0))  # halfway between two lines
     assert order_map(record, window=Window.FLAT_TOP).amplitudes().max() == pytest.approx(20.0, rel=0.002)
     assert order_map(record).amplitudes().max() == pytest.approx(17.0, rel=0.01)
 
 
 @pytest.mark.parametrize("window", list(Window))
-def test_noise_has_the_bandwidth_that_is_told(make_angular: Maker, window: Window) -> None:
+def test_noise_matches_the_stated_bandwidth(make_angular: Maker, window: Window) -> None:
     record = make_angular(noise=1.0, revolutions=2000)
     spectrum = order_map(record, window=window, overlap=0.0).spectrum[:, :, 20:120]
     expected = np.sqrt(2.0 * window.noise_bandwidth / (16 * 64))
     assert np.std(spectrum.real) == pytest.approx(expected, rel=0.02)
 
 
-def test_speed_acceleration_time_and_mark_of_frames(make_angular: Maker) -> None:
+def test_frames_have_speed_acceleration_time_and_first_revolution(make_angular: Maker) -> None:
     record = make_angular((1.0, 1.0, 0.0), revolutions=200)
     turns = np.arange(201)
     times = (np.sqrt(100.0**2 + 40.0 * turns) - 100.0) / 20.0  # 20 revolutions a second squared
@@ -56,7 +56,7 @@ def test_speed_acceleration_time_and_mark_of_frames(make_angular: Maker) -> None
 
 @settings(max_examples=20, deadline=None, suppress_health_check=SHARED)
 @given(scale=st.floats(1e-3, 1e3), turn=st.floats(-np.pi, np.pi), constant=st.floats(-100.0, 100.0))
-def test_vectors_scale_and_turn_with_the_motion_and_ignore_a_constant(
+def test_vectors_scale_and_rotate_with_the_motion_and_ignore_a_constant(
     make_angular: Maker, scale: float, turn: float, constant: float
 ) -> None:
     base = make_angular((1.0, 1.0, 0.2), (0.4, 0.47, 0.0))
@@ -68,32 +68,32 @@ def test_vectors_scale_and_turn_with_the_motion_and_ignore_a_constant(
         np.testing.assert_allclose(two, scale * one * np.exp(1j * turn), atol=2e-3 * scale + 1e-9)
 
 
-def test_a_track_of_a_whole_order_is_the_line_of_the_map(make_angular: Maker) -> None:
+def test_track_of_a_whole_order_is_the_line_of_the_map(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.4), (5.0, 2.0, 0.1), noise=0.1)
     np.testing.assert_allclose(track_order(record, 2.0).vectors, order_map(record).spectrum[:, :, 32], atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [0.47, 1.0, 1.31, 6.3])
-def test_any_order_is_tracked_with_its_running_phase(make_angular: Maker, order: float) -> None:
+def test_non_integer_order_is_tracked_with_continuous_phase(make_angular: Maker, order: float) -> None:
     track = track_order(make_angular((8.0, order, 0.7), (20.0, 3.0, 0.0)), order)
     truth = 8.0 * np.exp(0.7j) * np.array([1.0, -1.0j])[:, None]
     np.testing.assert_allclose(track.vectors, truth * np.ones_like(track.vectors), atol=0.02)
     assert track.order == order
 
 
-def test_one_x_beside_a_whirl_is_kept_within_two_parts_in_a_thousand(make_angular: Maker) -> None:
+def test_1x_beside_a_whirl_is_accurate_within_two_per_mille(make_angular: Maker) -> None:
     track = track_order(make_angular((20 * MICRO, 1.0, 0.0), (8 * MICRO, 0.47, 0.0), turn_rate=1000.0), 1.0)
     assert np.abs(np.abs(track.vectors) / (20 * MICRO) - 1.0).max() < 0.002
 
 
 @pytest.mark.parametrize("order", [0.3, 0.5, 1.0, 1.31])
-def test_the_shortest_window_still_states_an_uncertainty(make_angular: Maker, order: float) -> None:
+def test_shortest_window_has_an_uncertainty(make_angular: Maker, order: float) -> None:
     quiet = track_order(make_angular(noise=0.1), order, revolutions=4)
     assert np.median(quiet.sigma) == pytest.approx(0.1 * np.sqrt(2 * 1.5 / 256), rel=0.25)
     assert (quiet.sigma > 0.0).all()
 
 
-def test_jitter_of_the_tacho_shows_in_the_phase_of_high_orders(make_angular: Maker) -> None:
+def test_tacho_jitter_raises_the_phase_uncertainty_of_high_orders(make_angular: Maker) -> None:
     record = make_angular((20.0, 1.0, 0.0), (20.0, 4.0, 0.0))
     shaky = replace(record, angle_jitter=1e-4)
     first, fourth = track_order(shaky, 1.0).phase_sigma[0, 0], track_order(shaky, 4.0).phase_sigma[0, 0]
@@ -109,7 +109,7 @@ def test_settings_out_of_range_are_refused(make_angular: Maker, wrong: dict[str,
         order_map(make_angular((1.0, 1.0, 0.0)), **wrong)  # type: ignore[arg-type]  # what a caller may get wrong
 
 
-def test_a_record_shorter_than_a_frame_is_refused(make_angular: Maker) -> None:
+def test_record_shorter_than_a_frame_is_refused(make_angular: Maker) -> None:
     short = make_angular((1.0, 1.0, 0.0), revolutions=15)
     with pytest.raises(RecordTooShortError, match="15 revolutions"):
         order_map(short)
@@ -119,7 +119,7 @@ def test_a_record_shorter_than_a_frame_is_refused(make_angular: Maker) -> None:
         track_order(short, 20.0)
 
 
-def test_silence_is_zero_with_no_warning(make_angular: Maker) -> None:
+def test_zero_signal_gives_zero_without_warnings(make_angular: Maker) -> None:
     silent = make_angular((0.0, 1.0, 0.0))
     assert order_map(silent).amplitudes().max() == 0.0
     track = track_order(silent, 1.0)

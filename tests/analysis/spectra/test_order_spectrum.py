@@ -22,7 +22,7 @@ def test_order_spectrum_gives_peak_amplitude_and_phase_of_each_order() -> None:
     assert spectrum[120] == pytest.approx(0.25, rel=1e-11)
 
 
-def test_order_spectrum_gives_the_mean_at_order_zero_and_the_last_line_unmirrored() -> None:
+def test_order_spectrum_scales_order_zero_and_the_nyquist_line() -> None:
     waveform = 2.0 + 0.5 * np.cos(np.pi * np.arange(8 * 16))
     _, spectrum = order_spectrum(waveform, 8)
     assert spectrum[0] == pytest.approx(2.0)
@@ -37,7 +37,7 @@ def test_order_spectrum_keeps_leading_axes() -> None:
     np.testing.assert_allclose(spectrum[0, :, 4], [1, -2j, 0], atol=1e-14)
 
 
-def test_order_spectrum_holds_1x_beside_whirl_within_two_per_mille() -> None:
+def test_order_spectrum_of_1x_beside_whirl_is_accurate_within_two_per_mille() -> None:
     theta = angles(16, 64)
     for phase in np.linspace(0, 2 * np.pi, 9):
         waveform = 20 * np.cos(theta) + 8 * np.cos(0.47 * theta + phase)

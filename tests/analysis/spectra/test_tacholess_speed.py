@@ -1,4 +1,4 @@
-"""Speed from the vibration itself."""
+"""Speed without a tacho."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ def motion(noise: float = 0.5, one: float = 20.0) -> FloatArray:
     return np.asarray(np.stack([z.real, z.imag]) + noises)
 
 
-def test_the_ridge_of_one_x_tells_the_speed_of_a_run_up() -> None:
+def test_ridge_of_1x_gives_the_speed_of_a_run_up() -> None:
     found = speed_from_ridge(motion(), RATE, LOWEST, HIGHEST)
     truth = 2 * np.pi * np.interp(found.times, TIME, TURN_RATE)
     assert np.abs(found.speeds / truth - 1.0).max() < 0.002
@@ -42,7 +42,7 @@ def test_the_ridge_of_one_x_tells_the_speed_of_a_run_up() -> None:
     assert (found.sigma > 0.0).all()
 
 
-def test_orders_can_be_read_by_it_and_are_marked() -> None:
+def test_orders_from_the_ridge_are_marked_as_not_measured() -> None:
     angle = speed_from_ridge(motion(), RATE, LOWEST, HIGHEST).angle()
     record = angular_record(motion(), RATE, angle, ProbePair(0.0, np.pi / 2), points=16)
     amplitudes = np.abs(order_map(record, highest_order=3.0).spectrum[0, :, 16])
@@ -50,7 +50,7 @@ def test_orders_can_be_read_by_it_and_are_marked() -> None:
     assert np.median(amplitudes) == pytest.approx(20 * MICRO, rel=0.02)
 
 
-def test_a_run_whose_tacho_is_silent_keeps_its_amplitudes_and_has_no_phases(make_bench: Callable[..., "Bench"]) -> None:
+def test_run_without_tacho_has_amplitudes_but_no_phases(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(
         bench.ramp(90.0, 150.0, 5.0), bench.circles((20 * MICRO, 1.0, 0.4), (6 * MICRO, 0.47, 0.0)), 5.0
@@ -65,13 +65,13 @@ def test_a_run_whose_tacho_is_silent_keeps_its_amplitudes_and_has_no_phases(make
     assert np.abs(ridge.speeds / truth - 1.0).max() < 0.003
     track = track_order(record, 1.0)
     assert np.median(np.abs(track.vectors)) == pytest.approx(20 * MICRO, rel=0.02)
-    np.testing.assert_allclose(track.phase_sigma, np.pi / np.sqrt(3.0))  # that of a phase nobody knows
+    np.testing.assert_allclose(track.phase_sigma, np.pi / np.sqrt(3.0))  # that of an unknown phase
     assert np.isnan(track.speed_sigma).all()  # the ridge's own tells
     whirl = subsynchronous_tracks(order_map(record))[0]
     assert whirl.order == pytest.approx(0.47, abs=0.003)
 
 
-def test_noise_has_no_confidence_and_gives_no_angle() -> None:
+def test_noise_has_no_confidence_and_no_angle() -> None:
     found = speed_from_ridge(motion(noise=20.0, one=0.0), RATE, LOWEST, HIGHEST)
     assert np.median(found.confidence) < 0.3
     with pytest.raises(TachoRefusedError, match="confidence"):
@@ -87,5 +87,5 @@ def test_misuse_is_refused() -> None:
         speed_from_ridge(np.full((2, 9000), np.nan), RATE, LOWEST, HIGHEST)
 
 
-def test_silence_gives_no_warning() -> None:
+def test_zero_signal_gives_no_warning() -> None:
     assert np.isfinite(speed_from_ridge(np.zeros((2, 9_000)), RATE, LOWEST, HIGHEST).speeds).all()

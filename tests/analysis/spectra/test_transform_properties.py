@@ -161,14 +161,14 @@ def test_amplitudes_and_their_uncertainties_scale_with_the_motion(result: str, s
 @pytest.mark.parametrize("result", UNCHANGED)
 @FEW
 @given(size=SIZES, seed=SEEDS)
-def test_orders_phases_and_speeds_do_not_depend_on_the_size(result: str, size: float, seed: int) -> None:
+def test_orders_phases_and_speeds_do_not_depend_on_the_amplitude(result: str, size: float, seed: int) -> None:
     of, motion = UNCHANGED[result], turning(seed)
     assert_close(of(record_of(size * motion)), of(record_of(motion)))
 
 
 @FEW
 @given(points=st.integers(-POINTS, POINTS), order=st.integers(1, 6), seed=SEEDS)
-def test_a_mark_that_sits_elsewhere_turns_every_order_by_its_own_angle(points: int, order: int, seed: int) -> None:
+def test_moving_the_mark_rotates_each_order_by_its_multiple(points: int, order: int, seed: int) -> None:
     motion = turning(seed)
     later = np.roll(motion.reshape(2, -1), points, axis=1).reshape(motion.shape)
     inner = slice(1, -1)  # the ends hold what went round
@@ -183,7 +183,7 @@ def test_a_mark_that_sits_elsewhere_turns_every_order_by_its_own_angle(points: i
 
 @FEW
 @given(begin=st.integers(1, 20), seed=SEEDS)
-def test_a_part_of_a_record_gives_the_same_frames(begin: int, seed: int) -> None:
+def test_section_of_a_record_gives_the_same_frames(begin: int, seed: int) -> None:
     record = record_of(turning(seed))
     part = record.section(begin, REVOLUTIONS)
     whole, later = order_map(record, overlap=15 / 16), order_map(part, overlap=15 / 16)
@@ -196,7 +196,7 @@ def test_a_part_of_a_record_gives_the_same_frames(begin: int, seed: int) -> None
 
 @FEW
 @given(delay=st.integers(1, 300), seed=SEEDS)
-def test_envelopes_and_spectra_move_with_time(delay: int, seed: int) -> None:
+def test_envelopes_and_spectra_shift_with_time(delay: int, seed: int) -> None:
     wave = np.random.default_rng(seed).standard_normal(3_000)
     angle = np.asarray(100 * np.pi * np.arange(3_000) / RATE)
     late = slice(delay, None)

@@ -29,12 +29,12 @@ def at(snapshot: Snapshot, time: float, factor: float = 1.0, speed: float | None
     return replace(snapshot, time=time, frame=frame, segment=segment)
 
 
-def test_the_axis_is_that_of_the_frames(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
+def test_order_axis_equals_that_of_the_frames(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
     assert snapshot.frame is not None
     np.testing.assert_array_equal(order_axis(make_bench().settings), snapshot.frame.orders)
 
 
-def test_a_waterfall_rolls_with_the_newest_row_last(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
+def test_waterfall_scrolls_with_the_newest_row_last(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
     waterfall = Waterfall(make_bench().settings, rows=5, span=1.0)
     for number in range(1, 11):
         waterfall.add_snapshot(at(snapshot, 0.1 * number + 0.01, factor=number))
@@ -57,7 +57,7 @@ def test_rows_without_a_frame_are_empty_and_segments_follow(
     assert np.count_nonzero(waterfall.amplitudes[:, 16]) == 1
 
 
-def test_a_cascade_keeps_the_largest_or_the_last(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
+def test_cascade_contains_the_largest_or_the_last_frame(make_bench: Callable[..., "Bench"], snapshot: Snapshot) -> None:
     largest = Cascade(make_bench().settings, 1000.0, rows=10)
     last = Cascade(make_bench().settings, 1000.0, rows=10, keep=CascadeMode.LAST)
     for cascade in (largest, last):
@@ -70,7 +70,7 @@ def test_a_cascade_keeps_the_largest_or_the_last(make_bench: Callable[..., "Benc
     assert last.amplitudes[[2, 9], 16] / (20 * MICRO) == pytest.approx([1, 2], rel=0.01)
 
 
-def test_empty_shapes_are_refused(make_bench: Callable[..., "Bench"]) -> None:
+def test_zero_rows_and_ranges_are_refused(make_bench: Callable[..., "Bench"]) -> None:
     settings = make_bench().settings
     with pytest.raises(ValueError, match="rows"):
         Waterfall(settings, rows=0)

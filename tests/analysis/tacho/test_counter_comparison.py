@@ -1,4 +1,4 @@
-"""The tacho's counter against its waveform."""
+"""The comparison of the tacho counter with the waveform."""
 
 from itertools import pairwise
 
@@ -25,7 +25,7 @@ def report(sampled: FloatArray, stamped: FloatArray, hop: float = 0.1) -> Counte
 
 
 @pytest.mark.parametrize("hop", [0.02, 0.1, 1.0])
-def test_like_edges_agree(hop: float) -> None:
+def test_equal_edges_agree(hop: float) -> None:
     found = report(EDGES, EDGES + 2e-6, hop)
     assert found.state is CounterState.AGREES
     assert (found.missing, found.extra, found.out_of_tolerance) == (0, 0, 0)
@@ -34,18 +34,18 @@ def test_like_edges_agree(hop: float) -> None:
     assert found.largest_difference == pytest.approx(2e-6)
 
 
-def test_edge_that_the_counter_lacks_is_missing() -> None:
+def test_edge_without_a_timestamp_is_missing() -> None:
     found = report(EDGES, np.delete(EDGES, [100, 200, 201]))
     assert (found.state, found.missing, found.extra) == (CounterState.COUNT_DIFFERS, 3, 0)
 
 
-def test_stamp_where_the_waveform_has_no_edge_is_extra() -> None:
+def test_timestamp_without_an_edge_is_extra() -> None:
     stamped = np.sort(np.concatenate([EDGES, [2.005, 3.0000002, 4.00001]]))  # one between two, and two doubles
     found = report(EDGES, stamped)
     assert (found.state, found.missing, found.extra) == (CounterState.COUNT_DIFFERS, 0, 3)
 
 
-def test_edges_further_apart_than_agreed_are_counted() -> None:
+def test_edges_out_of_tolerance_are_counted() -> None:
     stamped = EDGES.copy()
     stamped[[10, 20]] += 80e-6
     found = report(EDGES, stamped)
@@ -55,10 +55,10 @@ def test_edges_further_apart_than_agreed_are_counted() -> None:
 
 @pytest.mark.parametrize("hop", [0.02, 0.1, 1.0])
 @pytest.mark.parametrize(
-    ("differ", "told"),
+    ("differ", "recent"),
     [(slice(0, 3), "none in the last 10 s"), (slice(2900, 2903), "3 of 1,000 in the last 10 s")],
 )
-def test_whether_edges_still_differ_is_told_by_the_last_ten_seconds(hop: float, differ: slice, told: str) -> None:
+def test_recent_message_counts_the_mismatches_of_the_last_ten_seconds(hop: float, differ: slice, recent: str) -> None:
     edges = 0.0103 + 0.01 * np.arange(3000.0)
     comparison = CounterComparison(COUNTER)
     stamped = np.delete(edges, differ)
@@ -66,7 +66,7 @@ def test_whether_edges_still_differ_is_told_by_the_last_ten_seconds(hop: float, 
         within = [(each > begin) & (each <= end) for each in (edges, stamped)]
         comparison.advance(edges[within[0]], stamped[within[1]], end)
     found = comparison.report(is_working=True)
-    assert (found.state, found.missing, found.recent_message) == (CounterState.COUNT_DIFFERS, 3, told)
+    assert (found.state, found.missing, found.recent_message) == (CounterState.COUNT_DIFFERS, 3, recent)
     assert comparison.report(is_working=False).recent_message == ""
     comparison.restart(0.0)
     assert comparison.report(is_working=True).recent_message == "none in the last 10 s"
@@ -80,18 +80,18 @@ def test_silent_counter_misses_every_edge() -> None:
     assert report(np.empty(0), np.empty(0)).state is CounterState.AGREES
 
 
-def test_counts_do_not_depend_on_the_hops() -> None:
+def test_counts_do_not_depend_on_the_hop_size() -> None:
     rng = np.random.default_rng(5)
     stamped = np.sort(np.concatenate([np.delete(EDGES, rng.integers(0, 600, 30)), rng.uniform(0, 6, 25)]))
     reports = [report(EDGES, stamped, hop) for hop in (0.05, 0.1, 0.25)]
     assert len({(found.compared, found.missing, found.extra, found.out_of_tolerance) for found in reports}) == 1
 
 
-def test_edge_at_a_segments_beginning_is_left_out() -> None:
+def test_edge_at_the_start_of_a_segment_is_ignored() -> None:
     comparison = CounterComparison(COUNTER)
     comparison.advance(np.empty(0), np.array([1e-4]), 1.0)  # the waveform shows only the end of that edge
     assert comparison.report(is_working=True).state is CounterState.AGREES
 
 
-def test_failure_is_told_before_all_else() -> None:
+def test_failure_has_priority_over_mismatches() -> None:
     assert CounterComparison(COUNTER).report(is_working=False).state is CounterState.FAILED

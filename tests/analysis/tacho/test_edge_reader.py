@@ -1,4 +1,4 @@
-"""The mark's passings as the analysis takes them: from the waveform or from a counter's stamps."""
+"""Tacho edges from the waveform and from a counter."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -56,7 +56,7 @@ def in_blocks(ticks: NDArray[np.int64], size: int = 1000, late: int = 0) -> list
     return [*[ticks[:0]] * late, *parts[: len(parts) - late]]
 
 
-def test_stamps_less_the_delay_are_the_edges_each_in_its_own_hop() -> None:
+def test_timestamps_minus_the_delay_are_the_edges_of_their_hop() -> None:
     hops = taken(TachoEdgeReader(acquisition()), in_blocks(TICKS))
     np.testing.assert_allclose(np.concatenate(hops), EDGES - DELAY, atol=2 / TIMEBASE)
     for k, edges in enumerate(hops):
@@ -64,12 +64,12 @@ def test_stamps_less_the_delay_are_the_edges_each_in_its_own_hop() -> None:
 
 
 @pytest.mark.parametrize("size", [500, 2000, 5000])
-def test_edges_do_not_depend_on_the_size_of_the_blocks(size: int) -> None:
+def test_edges_do_not_depend_on_the_block_size(size: int) -> None:
     small, large = (taken(TachoEdgeReader(acquisition()), in_blocks(TICKS, n), n) for n in (1000, size))
     assert all(np.array_equal(one, other) for one, other in zip(small, large, strict=True))
 
 
-def test_stamp_that_comes_late_counts_from_the_block_that_it_came_with() -> None:
+def test_late_timestamp_takes_effect_with_its_block() -> None:
     hops = taken(TachoEdgeReader(acquisition()), in_blocks(TICKS, late=2))
     assert all(edges.size == 0 for edges in hops[:4])
     known = np.concatenate(hops)
@@ -77,7 +77,7 @@ def test_stamp_that_comes_late_counts_from_the_block_that_it_came_with() -> None
     assert known.size == np.count_nonzero(EDGES < 2.8)
 
 
-def test_silence_of_the_counter_is_not_the_shafts_before_stamps_could_have_come() -> None:
+def test_missing_timestamps_mean_no_edge_only_after_the_maximum_delay() -> None:
     given = TachoEdgeReader(acquisition())
     given.add_block(block(0, 10_000, TICKS[:5]))
     stretch = given.read(VOLTS[:10_000], 0)
@@ -86,7 +86,7 @@ def test_silence_of_the_counter_is_not_the_shafts_before_stamps_could_have_come(
     assert given.read(VOLTS[10_000:20_000], 10_000).known == pytest.approx(EDGES[98])
 
 
-def test_waveform_takes_over_where_the_counter_fails_and_no_edge_is_given_twice() -> None:
+def test_waveform_replaces_a_failed_counter_without_double_edges() -> None:
     stamps = in_blocks(TICKS)
     given = TachoEdgeReader(acquisition())
     hops = taken(given, [*stamps[:12], *[None] * 18])
@@ -99,7 +99,7 @@ def test_waveform_takes_over_where_the_counter_fails_and_no_edge_is_given_twice(
     assert "samples" in report.message
 
 
-def test_waveform_is_the_reference_where_the_rig_says_so_and_the_stamps_are_compared() -> None:
+def test_waveform_can_be_the_reference_and_timestamps_are_compared() -> None:
     other = replace(COUNTER, is_reference=False)
     stamps = in_blocks(np.delete(TICKS, [20, 30]))
     given, plain = TachoEdgeReader(acquisition(counter=other)), TachoEdgeReader(acquisition(counter=None))
@@ -112,7 +112,7 @@ def test_waveform_is_the_reference_where_the_rig_says_so_and_the_stamps_are_comp
     assert plain.report(VOLTS.size) is None
 
 
-def test_new_segment_forgets_the_stamps_of_the_one_before() -> None:
+def test_new_segment_discards_earlier_timestamps() -> None:
     given = TachoEdgeReader(acquisition())
     given.add_block(block(0, 1000, TICKS[:9]))
     given.restart(0)

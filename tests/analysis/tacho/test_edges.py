@@ -1,4 +1,4 @@
-"""The Schmitt trigger against edges that are known."""
+"""The Schmitt trigger on known edges."""
 
 import itertools
 
@@ -33,19 +33,19 @@ def test_falling_edges_are_half_a_pulse_later() -> None:
     np.testing.assert_allclose(edges, 80.25 + 100.0 * np.arange(10), atol=1e-9)
 
 
-def test_hysteresis_keeps_noise_on_a_slow_edge_from_counting() -> None:
+def test_hysteresis_rejects_noise_on_a_slow_edge() -> None:
     wave = trapezoid(40_000, 1000.0, 300.0, 500.0) + 0.1 * np.random.default_rng(3).standard_normal(40_000)
     assert EdgeDetector(TACHO).edges(wave, 0).size == 40
     assert EdgeDetector(Tacho(threshold=2.0, hysteresis=0.0)).edges(wave, 0).size > 40
 
 
-def test_an_edge_needs_the_lower_level_first() -> None:
+def test_edge_needs_the_lower_level_first() -> None:
     detector = EdgeDetector(TACHO)
     assert detector.edges(np.array([2.0, 3.0, 1.8, 3.0]), 0).size == 0
     np.testing.assert_allclose(detector.edges(np.array([1.0, 3.0]), 4), [4.5])
 
 
-def test_a_flat_or_empty_wave_has_no_edges() -> None:
+def test_flat_or_empty_waveform_has_no_edges() -> None:
     detector = EdgeDetector(TACHO)
     assert detector.edges(np.empty(0), 0).size == 0
     assert detector.edges(np.full(100, 2.0), 0).size == 0
@@ -57,7 +57,7 @@ def test_negative_hysteresis_is_refused() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), cuts=st.lists(st.integers(0, 600), max_size=8))
-def test_edges_do_not_depend_on_the_pieces(seed: int, cuts: list[int]) -> None:
+def test_edges_do_not_depend_on_the_block_size(seed: int, cuts: list[int]) -> None:
     wave = 2.0 + np.cumsum(np.random.default_rng(seed).standard_normal(600)) * 0.4
     whole = EdgeDetector(TACHO).edges(wave, 1000)
     detector = EdgeDetector(TACHO)

@@ -1,4 +1,4 @@
-"""Several marks on the shaft: their spacing is learned, and theta = 0 is the same mark in every train and record."""
+"""Several marks on the shaft: learned spacing, and the same mark at theta = 0 in every train and record."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 
 RATE = 100_000.0
 TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
-WHEELS = {  # where the marks lie, parts of a turn; theta = 0 is told to be the one at 0, after the longest gap
+WHEELS = {  # mark positions in revolutions; theta = 0 is the mark at 0, after the longest gap
     "one tooth of twelve missing": np.arange(11) / 12,
     "two teeth of sixty missing": np.arange(58) / 60,
     "four anywhere": np.array([0.0, 0.16, 0.42, 0.53]),
@@ -60,7 +60,7 @@ def off_mark(train: PulseTrain, times: FloatArray, angles: FloatArray) -> FloatA
 @pytest.mark.parametrize("wheel", WHEELS)
 @pytest.mark.parametrize("first", [0.0, 0.35])
 @pytest.mark.parametrize("rise", [0.0, 20.0])
-def test_live_train_finds_the_same_mark_wherever_it_begins(wheel: str, first: float, rise: float) -> None:
+def test_live_train_finds_the_same_mark_from_any_start(wheel: str, first: float, rise: float) -> None:
     times, angles = edges_of(WHEELS[wheel], 50.0, rise, first, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=WHEELS[wheel].size), 30), times)
     assert off_mark(train, times, angles).max() < 1e-9
@@ -72,11 +72,11 @@ def test_live_train_finds_the_same_mark_wherever_it_begins(wheel: str, first: fl
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
-def test_a_train_that_was_lost_comes_back_to_the_same_mark_at_once(wheel: str) -> None:
+def test_train_restarts_at_the_same_mark_after_a_break(wheel: str) -> None:
     tacho = replace(TACHO, pulses_per_revolution=WHEELS[wheel].size)
     times, angles = edges_of(WHEELS[wheel], 50.0, 0.0, 0.1, 120.0)
-    kept = (times < 1.2) | (times > 1.2337)
-    times, angles = times[kept], angles[kept]
+    remaining = (times < 1.2) | (times > 1.2337)
+    times, angles = times[remaining], angles[remaining]
     train = PulseTrain(tacho, 30)
     for hop in range(24):
         begin, end = np.searchsorted(times, [0.1 * hop, 0.1 * (hop + 1)])
@@ -89,7 +89,7 @@ def test_a_train_that_was_lost_comes_back_to_the_same_mark_at_once(wheel: str) -
 
 @pytest.mark.parametrize("wheel", WHEELS)
 @pytest.mark.parametrize("seed", range(2))
-def test_missing_and_double_pulses_of_uneven_marks_do_not_slip_the_count(wheel: str, seed: int) -> None:
+def test_missing_and_double_pulses_of_uneven_marks_do_not_change_the_count(wheel: str, seed: int) -> None:
     tacho = replace(TACHO, pulses_per_revolution=WHEELS[wheel].size)
     times, angles = edges_of(WHEELS[wheel], 50.0, 10.0, 0.1, 150.0)
     random, begin = np.random.default_rng(seed), 40 * WHEELS[wheel].size
@@ -109,7 +109,7 @@ def test_missing_and_double_pulses_of_uneven_marks_do_not_slip_the_count(wheel: 
     assert slips == 0
 
 
-def test_even_marks_cannot_be_told_apart_and_that_is_said() -> None:
+def test_even_marks_have_an_arbitrary_phase_reference() -> None:
     times, _ = edges_of(np.arange(4) / 4, 50.0, 10.0, 0.3, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=4), 30), times)
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
@@ -118,7 +118,7 @@ def test_even_marks_cannot_be_told_apart_and_that_is_said() -> None:
     assert not pulse_record(times, TACHO).phase_reference_is_arbitrary
 
 
-def test_marks_of_a_symmetrical_wheel_are_counted_but_not_told_apart() -> None:
+def test_marks_of_a_symmetrical_wheel_have_an_arbitrary_phase_reference() -> None:
     wheel = np.array([0.0, 0.3, 0.5, 0.8])
     times, _ = edges_of(wheel, 50.0, 0.0, 0.1, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=4), 30), times)
@@ -139,7 +139,7 @@ def test_speed_is_withheld_until_the_spacing_is_known() -> None:
     np.testing.assert_allclose(np.array(speeds)[known], 2 * np.pi * 50.0)
 
 
-def test_a_tooth_that_is_always_missing_is_counted_as_filled_where_the_rig_counts_it() -> None:
+def test_configured_but_missing_tooth_is_counted_as_filled() -> None:
     times, _ = edges_of(np.arange(11) / 12, 50.0, 0.0, 0.0, 60.0)
     train = fed(PulseTrain(replace(TACHO, pulses_per_revolution=12), 30), times)
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
@@ -148,7 +148,7 @@ def test_a_tooth_that_is_always_missing_is_counted_as_filled_where_the_rig_count
     assert report.phase_reference_is_arbitrary
 
 
-def test_noise_teaches_no_spacing() -> None:
+def test_noise_gives_no_spacing() -> None:
     random = np.random.default_rng(3)
     for marks in (2, 3, 12):
         spacing = MarkSpacing(marks)
@@ -157,7 +157,7 @@ def test_noise_teaches_no_spacing() -> None:
 
 
 @pytest.mark.parametrize("wheel", WHEELS)
-def test_whole_record_tells_the_same_mark_wherever_it_begins(wheel: str) -> None:
+def test_whole_record_finds_the_same_mark_from_any_start(wheel: str) -> None:
     for first in (0.0, 0.35, 0.8):
         times, angles = edges_of(WHEELS[wheel], 50.0, 15.0, first, 60.0)
         record = pulse_record(times, replace(TACHO, pulses_per_revolution=WHEELS[wheel].size))
@@ -169,12 +169,12 @@ def test_whole_record_tells_the_same_mark_wherever_it_begins(wheel: str) -> None
         np.testing.assert_allclose(angle.mark_angles / (2 * np.pi), WHEELS[wheel], atol=1e-3)
 
 
-def test_interval_parts_are_unknown_where_a_mark_was_never_seen() -> None:
+def test_interval_ratios_are_unknown_for_a_mark_never_seen() -> None:
     numbers = np.delete(np.arange(40), np.arange(2, 40, 4))
     assert interval_ratios(numbers, numbers.astype(np.float64), 4) is None
 
 
-def test_told_mark_needs_one_interval_clearly_longer_than_every_other() -> None:
+def test_reference_mark_needs_one_interval_clearly_longer_than_every_other() -> None:
     assert reference_mark(np.array([1.0])) == 0
     assert reference_mark(np.array([0.9, 1.2, 0.9])) == 1
     assert reference_mark(np.array([0.98, 1.04, 0.98])) is None

@@ -1,4 +1,4 @@
-"""The pulses of a record: counted right, or refused."""
+"""Pulse records: correct counts or an error."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def wrong_turns(times: FloatArray, numbers: NDArray[np.int64], marks: FloatArray
     return int(np.ptp(offsets))
 
 
-def test_clean_pulses_are_numbered_and_the_delay_is_taken_off() -> None:
+def test_clean_pulses_are_numbered_and_the_delay_is_subtracted() -> None:
     marks = run_up(1000)
     record = pulse_record(marks + 3e-4, replace(TACHO, delay=3e-4))
     np.testing.assert_array_equal(record.numbers, np.arange(1000))
@@ -57,7 +57,7 @@ def test_two_per_cent_missing_and_two_per_cent_double_leave_the_count_exact(seed
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_five_per_cent_missing_and_double_are_counted_right_or_refused(seed: int) -> None:
+def test_five_per_cent_missing_and_double_are_counted_correctly_or_refused(seed: int) -> None:
     marks = run_up(4000)
     try:
         record = pulse_record(spoiled(marks, 0.05, 0.05, seed), TACHO)
@@ -112,7 +112,7 @@ def test_clean_marks_may_lie_anywhere_on_the_shaft(wheel: str) -> None:
 @pytest.mark.parametrize("wheel", WHEELS)
 @pytest.mark.parametrize("part", [0.02, 0.05])
 @pytest.mark.parametrize("gap", [0, 2, 7])
-def test_spoiled_marks_of_every_wheel_are_counted_right_or_refused(wheel: str, part: float, gap: int) -> None:
+def test_faulty_pulses_of_every_wheel_are_counted_correctly_or_refused(wheel: str, part: float, gap: int) -> None:
     marks = turned(WHEELS[wheel], 1 + 1500 // len(WHEELS[wheel]))
     pulses = spoiled(marks, part, part, seed=gap)
     pulses = np.delete(pulses, slice(400, 400 + gap))
@@ -123,22 +123,22 @@ def test_spoiled_marks_of_every_wheel_are_counted_right_or_refused(wheel: str, p
 @pytest.mark.parametrize("wheel", WHEELS)
 @pytest.mark.parametrize("missing", [0.01, 0.05, 0.08])
 @pytest.mark.parametrize("double", [0.01, 0.05, 0.08])
-def test_hundreds_of_spoiled_trains_are_counted_right_or_refused(wheel: str, missing: float, double: float) -> None:
+def test_hundreds_of_faulty_trains_are_counted_correctly_or_refused(wheel: str, missing: float, double: float) -> None:
     marks = turned(WHEELS[wheel], 60 + 2000 // len(WHEELS[wheel]))
     for seed in range(60):
         pulses = spoiled(marks, missing, double, seed)
         assert_right_or_refused(WHEELS[wheel], np.delete(pulses, slice(500, 500 + seed % 4)), marks)
 
 
-def test_a_wheel_that_lacks_marks_nobody_told_of_is_refused() -> None:
+def test_wheel_with_undeclared_missing_marks_is_refused() -> None:
     wheel = WHEELS["sixty less two"]
     marks = np.delete(turned(wheel), 5000)  # so that not every interval is like the one a turn before
     with pytest.raises(TachoRefusedError, match="repeats with the 58 marks"):
         pulse_record(marks, replace(TACHO, pulses_per_revolution=58))
-    told = pulse_record(marks, replace(TACHO, pulses_per_revolution=60))
-    assert told.filled == 599  # two a turn between the first and the last tooth, and the one taken out
+    found = pulse_record(marks, replace(TACHO, pulses_per_revolution=60))
+    assert found.filled == 599  # two a turn between the first and the last tooth, and the one taken out
     places = (np.arange(300)[:, None] * 60 + np.arange(58)).ravel()
-    np.testing.assert_array_equal(told.numbers, np.delete(places, 5000))
+    np.testing.assert_array_equal(found.numbers, np.delete(places, 5000))
 
 
 @pytest.mark.parametrize(
@@ -148,23 +148,23 @@ def test_a_wheel_that_lacks_marks_nobody_told_of_is_refused() -> None:
         (np.cumsum(np.random.default_rng(0).exponential(0.01, 500)), "regular|breaks|differ"),
     ],
 )
-def test_what_is_no_shaft_is_refused(times: FloatArray, says: str) -> None:
+def test_noise_is_refused(times: FloatArray, says: str) -> None:
     with pytest.raises(TachoRefusedError, match=says):
         pulse_record(times, TACHO)
 
 
-def test_a_shaft_that_stood_still_between_is_refused_and_told_where() -> None:
+def test_record_with_a_stop_is_refused_with_its_time() -> None:
     marks = run_up(500)
     with pytest.raises(TachoRefusedError, match="analyse the record in parts"):
         pulse_record(np.concatenate([marks, marks + 20.0]), TACHO)
 
 
 @pytest.mark.parametrize("times", [np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, np.nan, 2.0]), np.zeros((2, 2))])
-def test_times_that_do_not_rise_are_no_pulses(times: FloatArray) -> None:
+def test_times_that_do_not_rise_are_refused(times: FloatArray) -> None:
     with pytest.raises(ValueError, match="times"):
         pulse_record(times, TACHO)
 
 
-def test_a_sensor_past_its_response_is_told() -> None:
+def test_exceeded_sensor_response_is_reported() -> None:
     record = pulse_record(run_up(1000), replace(TACHO, response_time=5e-3, mark_fraction=0.5))
     assert record.too_fast

@@ -1,4 +1,4 @@
-"""The pulse train: counting right through missing and double pulses, and refusing what is no shaft."""
+"""The pulse train: correct counts with missing and double pulses, and rejection of noise."""
 
 from dataclasses import replace
 
@@ -43,7 +43,7 @@ def spoiled(marks: FloatArray, missing: float, double: float, seed: int) -> Floa
     return np.asarray(np.sort(np.concatenate([marks[keep], where])))
 
 
-def test_a_clean_run_up_is_counted_and_timed() -> None:
+def test_clean_run_up_is_counted_and_timed() -> None:
     marks = run_up(1000)
     train = fed(PulseTrain(TACHO, 40), marks, 9.0)
     turns, times = train.marks
@@ -55,7 +55,7 @@ def test_a_clean_run_up_is_counted_and_timed() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_missing_and_double_pulses_do_not_slip_the_count(seed: int) -> None:
+def test_missing_and_double_pulses_do_not_change_the_count(seed: int) -> None:
     marks = run_up(1000)
     edges = spoiled(marks, 0.02, 0.02, seed)
     train = PulseTrain(TACHO, 40)
@@ -73,7 +73,7 @@ def test_missing_and_double_pulses_do_not_slip_the_count(seed: int) -> None:
 
 
 @pytest.mark.parametrize("part", [2, 3])
-def test_a_sensor_that_begins_to_give_every_second_pulse_is_too_fast_until_it_gives_all(part: int) -> None:
+def test_sensor_that_begins_to_miss_every_second_pulse_is_too_fast(part: int) -> None:
     marks = 0.005 + np.arange(0.0, 6.0, 0.01)
     edges = np.concatenate([marks[:100], marks[100:400:part], marks[400:]])
     train = PulseTrain(TACHO, 40)
@@ -87,7 +87,7 @@ def test_a_sensor_that_begins_to_give_every_second_pulse_is_too_fast_until_it_gi
     assert train.speed(0.1) == pytest.approx(2 * np.pi * 100)
 
 
-def test_two_marks_that_are_not_alike_are_no_train() -> None:
+def test_two_unequal_marks_are_no_train() -> None:
     edges = np.sort(np.concatenate([np.arange(0.0, 2.0, 0.01), np.arange(0.003, 2.0, 0.01)]))
     train = fed(PulseTrain(TACHO, 40), edges, 2.0)
     assert train.state(2.0, train.speed(0.1), np.nan) is TachoState.IRREGULAR
@@ -106,7 +106,7 @@ def test_noise_is_irregular(edge_rate: float) -> None:
     assert states[-1] is TachoState.IRREGULAR
 
 
-def test_a_shaft_that_stops_has_no_pulses() -> None:
+def test_stopped_shaft_has_no_pulses() -> None:
     train = fed(PulseTrain(TACHO, 40), np.arange(0.0, 1.0, 0.01), 1.2)
     assert np.isnan(train.speed(0.1))
     assert train.state(1.2, np.nan, np.nan) is TachoState.NO_PULSES
@@ -114,7 +114,7 @@ def test_a_shaft_that_stops_has_no_pulses() -> None:
     assert fed_on.state(5.0, np.nan, np.nan) is TachoState.NO_PULSES
 
 
-def test_a_mark_shorter_than_the_response_is_too_fast() -> None:
+def test_mark_shorter_than_the_response_is_too_fast() -> None:
     tacho = Tacho(threshold=2.0, hysteresis=1.0, mark_fraction=0.1, response_time=1e-3)
     for turn_rate, state in [(95.0, TachoState.GOOD), (105.0, TachoState.TOO_FAST)]:
         train = fed(PulseTrain(tacho, 40), np.arange(0.0, 1.0, 1 / turn_rate), 1.0)
@@ -131,7 +131,7 @@ def test_many_repairs_or_much_jitter_are_irregular() -> None:
     assert train.state(2.0, train.speed(0.1), 0.0) is TachoState.IRREGULAR
 
 
-def test_several_marks_a_revolution_give_one_mark_a_revolution() -> None:
+def test_several_marks_give_one_reference_mark_per_revolution() -> None:
     tacho = Tacho(threshold=2.0, hysteresis=1.0, pulses_per_revolution=4)
     train = fed(PulseTrain(tacho, 10), np.arange(0.0, 2.0, 0.01), 2.0)
     turns, times = train.marks
@@ -140,7 +140,7 @@ def test_several_marks_a_revolution_give_one_mark_a_revolution() -> None:
     assert train.speed(0.1) == pytest.approx(2 * np.pi * 25)
 
 
-def test_an_edge_nearer_to_the_prediction_replaces_the_one_taken() -> None:
+def test_edge_nearer_to_the_prediction_replaces_the_accepted_one() -> None:
     marks = np.arange(0.0, 1.0, 0.01)
     edges = np.sort(np.append(marks, marks[50] - 0.0028))  # inside the gate, before the true one
     train = fed(PulseTrain(TACHO, 200), edges, 1.0)
@@ -149,7 +149,7 @@ def test_an_edge_nearer_to_the_prediction_replaces_the_one_taken() -> None:
     assert train.report(TachoState.GOOD, 0.0).rejected == 1
 
 
-def test_bounces_at_every_edge_end_the_train() -> None:
+def test_bouncing_edges_end_the_train() -> None:
     marks = np.arange(0.0, 1.0, 0.01)
     bounces = (marks[40:, None] + np.random.default_rng(1).uniform(0, 2e-3, (60, 6))).ravel()
     train = fed(PulseTrain(TACHO, 40), np.sort(np.concatenate([marks[:40], bounces])), 1.0)
@@ -157,7 +157,7 @@ def test_bounces_at_every_edge_end_the_train() -> None:
 
 
 @pytest.mark.parametrize("marks_a_turn", [1, 3])
-def test_pulses_taken_at_once_and_one_by_one_make_the_same_train(marks_a_turn: int) -> None:
+def test_pulses_added_together_or_one_by_one_give_the_same_train(marks_a_turn: int) -> None:
     tacho = replace(TACHO, pulses_per_revolution=marks_a_turn)
     marks = run_up(1500) + 2e-5 * np.random.default_rng(0).standard_normal(1500)
     marks = np.delete(marks, [400, 800])

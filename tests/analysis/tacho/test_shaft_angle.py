@@ -1,4 +1,4 @@
-"""The angle of a whole record against one that is known."""
+"""The shaft angle of a known record."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def run_up(turns: int, jitter: float = 0.0, marks: tuple[float, ...] = (0.0,)) -
     return pulse_record(times, replace(TACHO, pulses_per_revolution=len(marks)))
 
 
-def test_a_run_up_is_followed_to_a_hundredth_of_a_degree() -> None:
+def test_run_up_is_accurate_to_a_hundredth_of_a_degree() -> None:
     angle = shaft_angle(run_up(2000))
     turns = np.linspace(3.0, 1990.0, 5001)
     truth = (np.sqrt(100.0**2 + 180.0 * turns) - 100.0) / 90.0
@@ -31,7 +31,7 @@ def test_a_run_up_is_followed_to_a_hundredth_of_a_degree() -> None:
     assert angle.is_measured
 
 
-def test_jitter_is_told_and_averaged_out() -> None:
+def test_jitter_is_reported_and_averaged() -> None:
     angle = shaft_angle(run_up(2000, jitter=2e-6))
     assert angle.jitter == pytest.approx(2e-6, rel=0.1)
     turns = np.linspace(20.0, 1980.0, 5001)
@@ -39,7 +39,7 @@ def test_jitter_is_told_and_averaged_out() -> None:
     assert np.std(angle.time(turns) - truth) < 0.5 * 2e-6
 
 
-def test_what_is_stated_of_the_times_is_their_scatter_over_many_runs() -> None:
+def test_stated_time_uncertainty_is_the_scatter_of_many_runs() -> None:
     clean = run_up(120)
     turns = np.array([0.0, 1.0, 4.0, 11.0, 37.5, 60.0, 100.0, 117.0, 119.0])
     random = np.random.default_rng(0)
@@ -51,7 +51,7 @@ def test_what_is_stated_of_the_times_is_their_scatter_over_many_runs() -> None:
     assert stated[0] > 1.5 * stated[4]
 
 
-def test_a_pulse_far_off_is_left_out() -> None:
+def test_outlying_pulse_is_rejected() -> None:
     clean = run_up(500)
     times = clean.times.copy()
     times[250] += 3e-4
@@ -60,7 +60,7 @@ def test_a_pulse_far_off_is_left_out() -> None:
     assert abs(angle.time(250.0) - clean.times[250]) < 1e-7
 
 
-def test_unequal_marks_are_located_and_do_not_bend_the_angle() -> None:
+def test_uneven_marks_are_located_and_do_not_distort_the_angle() -> None:
     marks = (0.0, 0.26, 0.49, 0.75)
     angle = shaft_angle(run_up(500, marks=marks))
     np.testing.assert_allclose(angle.mark_angles, 2 * np.pi * np.array(marks), atol=2e-3)
@@ -69,7 +69,7 @@ def test_unequal_marks_are_located_and_do_not_bend_the_angle() -> None:
     assert np.abs((angle.time(turns) - truth) * angle.speed(turns)).max() < np.radians(0.1)
 
 
-def test_cubics_are_the_spline_within_each_turn() -> None:
+def test_cubics_equal_the_spline_within_each_revolution() -> None:
     angle = shaft_angle(run_up(200))
     cubics = angle.cubics(np.arange(10, 150))
     part = 0.37

@@ -1,4 +1,4 @@
-"""The smooth angle against speeds that are known."""
+"""The live shaft angle at known speeds."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ def time_in_run_up(turns: NDArray[Any]) -> FloatArray:
     return np.asarray((np.sqrt(16.7**2 + 2 * 12.2 * turns) - 16.7) / 12.2)
 
 
-def test_a_steady_speed_is_exact_and_has_no_jitter() -> None:
+def test_steady_speed_is_exact_and_has_no_jitter() -> None:
     turns = np.arange(100, 128)
     angle = smooth_angle(turns, np.asarray(3.0 + 0.01 * turns, dtype=np.float64))
     np.testing.assert_allclose(angle.time(np.array([100.0, 111.25, 127.0])), [4.0, 4.1125, 4.27], rtol=1e-13)
@@ -35,7 +35,7 @@ def test_jitter_is_measured_and_averaged() -> None:
     assert np.std(errors) < 0.5 * 5e-6
 
 
-def test_a_strong_run_up_bends_no_angle() -> None:
+def test_angle_of_a_fast_run_up_is_accurate() -> None:
     turns = np.arange(29)
     fine = np.linspace(8, 28, 200)
     angle = smooth_angle(turns, time_in_run_up(turns))
@@ -43,7 +43,7 @@ def test_a_strong_run_up_bends_no_angle() -> None:
     assert np.abs((angle.time(fine) - truth) * (16.7 + 12.2 * truth) * 360).max() < 0.02  # degrees
 
 
-def test_a_slow_swing_of_speed_is_followed() -> None:
+def test_slow_speed_fluctuation_is_resolved() -> None:
     turns = np.arange(29)
     times = turns / 20.0 + 0.002 / (2 * np.pi) * np.sin(2 * np.pi * turns / 20.0)  # 0.2 % at 1 Hz
     fine = np.linspace(8, 24, 200)
@@ -51,20 +51,20 @@ def test_a_slow_swing_of_speed_is_followed() -> None:
     assert np.abs((smooth_angle(turns, times).time(fine) - truth) * 20 * 360).max() < 0.02  # degrees
 
 
-def test_marks_that_are_missing_are_bridged() -> None:
+def test_missing_marks_are_interpolated() -> None:
     turns = np.delete(np.arange(29), [5, 6, 14, 15, 23])
     angle = smooth_angle(turns, np.asarray(0.05 * turns, dtype=np.float64))
     np.testing.assert_allclose(angle.time(np.arange(29.0)), 0.05 * np.arange(29), atol=1e-12)
 
 
-def test_a_mark_that_is_far_off_is_left_out() -> None:
+def test_outlying_mark_is_rejected() -> None:
     turns = np.arange(29)
     times = 0.05 * turns + 1e-6 * np.random.default_rng(4).standard_normal(29)
     times[12] += 0.008
     assert np.abs(smooth_angle(turns, times).time(np.arange(29.0)) - 0.05 * turns).max() < 5e-6
 
 
-def test_two_marks_are_a_straight_line_and_one_is_refused() -> None:
+def test_two_marks_give_a_straight_line_and_one_is_refused() -> None:
     angle = smooth_angle(np.array([3, 4]), np.array([1.0, 2.0]))
     assert float(angle.time(3.5)) == pytest.approx(1.5)
     with pytest.raises(ValueError, match="2 marks"):

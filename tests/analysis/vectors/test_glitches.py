@@ -1,4 +1,4 @@
-"""Glitches among samples, and what is none."""
+"""Glitch detection and repair."""
 
 import numpy as np
 import pytest
@@ -28,13 +28,13 @@ def motion() -> FloatArray:
     return np.asarray(np.stack([z.real, z.imag]) + scratch + noise)
 
 
-def test_a_scratch_that_comes_with_every_turn_is_the_shafts_own() -> None:
+def test_scratch_in_every_revolution_is_no_glitch() -> None:
     found = find_glitches(motion(), RATE, angle())
     assert found.flagged_fraction.max() < 0.002
     np.testing.assert_array_equal(found.unrepaired, (0, 0))
 
 
-def test_short_glitches_are_counted_and_bridged() -> None:
+def test_short_glitches_are_counted_and_repaired() -> None:
     clean = motion()
     spoiled = clean.copy()
     places = np.array([2_050, 5_555, 9_001, 14_003])
@@ -50,7 +50,7 @@ def test_short_glitches_are_counted_and_bridged() -> None:
     np.testing.assert_array_equal(found.displacement[untouched], spoiled[untouched])
 
 
-def test_long_ones_are_told_and_left() -> None:
+def test_long_glitches_are_counted_and_not_repaired() -> None:
     spoiled = motion()
     spoiled[1, 7_000:7_010] += 150 * MICRO
     found = find_glitches(spoiled, RATE, angle())
@@ -59,7 +59,7 @@ def test_long_ones_are_told_and_left() -> None:
     assert found.flagged[1, 7_000:7_010].all()
 
 
-def test_silence_and_constants_have_none() -> None:
+def test_constant_signals_have_no_glitches() -> None:
     assert find_glitches(np.ones((2, SAMPLES)), RATE, angle()).count == (0, 0)
     with pytest.raises(ValueError, match="displacement"):
         find_glitches(np.ones((3, 10)), RATE, angle())

@@ -1,4 +1,4 @@
-"""Run-out measured at slow roll and taken off."""
+"""Run-out measured at slow roll and subtracted from records."""
 
 from collections.abc import Callable
 
@@ -24,7 +24,7 @@ def rolled(make_angular: Maker) -> SlowRoll:
     return slow_roll(slow, 2 * np.pi * 3.0, 2 * np.pi * 8.0)
 
 
-def test_the_waveform_is_measured_with_its_scatter(make_angular: Maker) -> None:
+def test_slow_roll_waveform_is_measured_with_its_uncertainty(make_angular: Maker) -> None:
     roll = rolled(make_angular)
     assert np.std(roll.waveform - (RUNOUT - RUNOUT.mean())) == pytest.approx(float(roll.sigma[0]), rel=0.2)
     assert roll.sigma[0] == pytest.approx(0.1 * MICRO / np.sqrt(40), rel=0.1)
@@ -36,14 +36,14 @@ def test_the_waveform_is_measured_with_its_scatter(make_angular: Maker) -> None:
     assert not roll.exceeds_api_670(100 * MICRO)
 
 
-def test_taking_the_waveform_off_leaves_the_motion_alone(make_angular: Maker) -> None:
+def test_subtracting_the_waveform_leaves_only_the_motion(make_angular: Maker) -> None:
     true = make_angular((10 * MICRO, 1.0, 0.3), (3 * MICRO, 2.0, 0.0), revolutions=40)
     clean = rolled(make_angular).subtract_waveform(with_runout(true))
     error = clean.waveform - true.waveform
     assert (error - error.mean()).std() < 0.03 * MICRO
 
 
-def test_taking_the_vector_off_gives_the_true_order_and_a_larger_uncertainty(make_angular: Maker) -> None:
+def test_subtracting_the_vector_gives_the_true_order_and_a_larger_uncertainty(make_angular: Maker) -> None:
     track = track_order(with_runout(make_angular((10 * MICRO, 1.0, 0.3), noise=0.1 * MICRO)), 1.0)
     clean = rolled(make_angular).subtract_vectors(track)
     np.testing.assert_allclose(clean.vectors[0], 10 * MICRO * np.exp(0.3j), atol=5 * clean.sigma.max())
@@ -53,7 +53,7 @@ def test_taking_the_vector_off_gives_the_true_order_and_a_larger_uncertainty(mak
         rolled(make_angular).subtract_vectors(track_order(make_angular((1.0, 0.5, 0.0)), 0.5))
 
 
-def test_a_shaft_that_moved_meanwhile_is_told(make_angular: Maker) -> None:
+def test_slow_roll_of_a_vibrating_shaft_is_invalid(make_angular: Maker) -> None:
     slow = with_runout(make_angular((4 * MICRO, 1.02, 0.0), turn_rate=5.0, revolutions=40))
     roll = slow_roll(slow, 0.0, 100.0)
     assert roll.drift > 0.2

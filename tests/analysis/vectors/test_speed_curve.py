@@ -1,4 +1,4 @@
-"""Bode and polar curves of a resonance that is known."""
+"""Bode and polar data of a known resonance."""
 
 from dataclasses import replace
 
@@ -28,7 +28,7 @@ def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0, step
     return OrderTrack(1.0, vectors, sigma, sigma / np.abs(vectors), speeds, np.zeros(speeds.size), times, 16, step)
 
 
-def test_a_resonance_is_found_with_amplification_and_phase() -> None:
+def test_resonance_is_found_with_amplification_factor_and_phase() -> None:
     (curve,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 300, 800)), WIDTH)
     (resonance,) = curve.resonances(0)
     assert curve.direction is RampDirection.RUN_UP
@@ -39,7 +39,7 @@ def test_a_resonance_is_found_with_amplification_and_phase() -> None:
     assert np.degrees(curve.lags[0, -1] - curve.lags[0, 0]) == pytest.approx(170.0, abs=10.0)
 
 
-def test_run_up_and_run_down_are_kept_apart() -> None:
+def test_run_up_and_run_down_give_separate_curves() -> None:
     up = 2 * np.pi * np.linspace(100, 300, 400)
     ripple = 2.0 * np.sin(np.arange(800))
     track = track_of(np.concatenate([up, up[::-1]]) + ripple)
@@ -52,12 +52,12 @@ def test_run_up_and_run_down_are_kept_apart() -> None:
     assert first.frames.sum() + second.frames.sum() == 800
 
 
-def test_a_held_speed_is_one_curve() -> None:
+def test_constant_speed_gives_one_curve() -> None:
     speeds = CRITICAL + np.random.default_rng(0).standard_normal(200)
     assert len(speed_curves(track_of(speeds), WIDTH)) == 1
 
 
-def test_the_uncertainty_of_a_mean_falls_with_the_frames_but_not_with_those_that_share_samples() -> None:
+def test_uncertainty_of_a_mean_falls_with_independent_frames_only() -> None:
     steady = np.full(400, CRITICAL)
     (curve,) = speed_curves(track_of(steady, noise=0.1 * MICRO), WIDTH)
     assert curve.sigma[0, 0] == pytest.approx(0.1 * MICRO / 20, rel=0.1)
@@ -66,13 +66,13 @@ def test_the_uncertainty_of_a_mean_falls_with_the_frames_but_not_with_those_that
     assert curve.phase_sigma[0, 0] == pytest.approx(curve.sigma[0, 0] / (20 * MICRO), rel=0.2)
 
 
-def test_a_curve_that_ends_on_a_slope_tells_no_resonance() -> None:
+def test_curve_that_ends_on_a_slope_has_no_resonance() -> None:
     (curve,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 190, 300)), WIDTH)
     assert curve.resonances(0) == ()
     (half,) = speed_curves(track_of(2 * np.pi * np.linspace(100, 203, 300)), WIDTH)
     assert [np.isnan(resonance.amplification_factor) for resonance in half.resonances(0)] in ([True], [])
 
 
-def test_a_width_of_nothing_is_refused() -> None:
+def test_zero_width_is_refused() -> None:
     with pytest.raises(ValueError, match="width"):
         speed_curves(track_of(np.full(5, CRITICAL)), 0.0)

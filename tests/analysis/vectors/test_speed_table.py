@@ -1,4 +1,4 @@
-"""The table against speed, fed with snapshots of a bench."""
+"""The speed table on snapshots of a bench."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MICRO = 1e-6
 
 
-def test_rows_hold_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"]) -> None:
+def test_rows_contain_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7), (6 * MICRO, 0.4, 0.0))
     table = SpeedTable()
@@ -37,7 +37,7 @@ def test_rows_hold_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"])
         assert 0 < row.noise < 0.02 * MICRO
 
 
-def test_scatter_is_the_spread_of_the_vectors(make_bench: Callable[..., "Bench"]) -> None:
+def test_scatter_is_the_standard_deviation_of_the_vectors(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
     snapshot = bench.snapshots(codes)[-1]
@@ -52,7 +52,7 @@ def test_scatter_is_the_spread_of_the_vectors(make_bench: Callable[..., "Bench"]
     assert row.frames == 2
 
 
-def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., "Bench"]) -> None:
+def test_snapshots_without_speed_or_frame_add_no_row(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
     table = SpeedTable(BIN_WIDTH)
@@ -64,7 +64,7 @@ def test_snapshots_without_speed_or_frame_make_no_row(make_bench: Callable[..., 
         SpeedTable(0.0)
 
 
-def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "Bench"]) -> None:
+def test_run_up_and_run_down_are_separated_exactly(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
     motion = bench.circles((20 * MICRO, 1.0, 0.4))
     course = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
@@ -82,22 +82,22 @@ def test_run_up_and_run_down_are_apart_to_the_frame(make_bench: Callable[..., "B
     assert speeds == sorted(speeds)
 
 
-def test_asking_for_rows_in_between_changes_nothing(make_bench: Callable[..., "Bench"]) -> None:
+def test_reading_rows_during_a_run_does_not_change_the_result(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
     motion = bench.circles((20 * MICRO, 1.0, 0.4))
     course = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
-    asked, left = SpeedTable(), SpeedTable()
+    read, unread = SpeedTable(), SpeedTable()
     for snapshot in course:
-        asked.add_snapshot(snapshot)
-        left.add_snapshot(snapshot)
-        asked.rows()
-    assert {row.direction for row in left.rows()} == {RampDirection.RUN_DOWN}
-    for one, other in zip(asked.rows(), left.rows(), strict=True):
+        read.add_snapshot(snapshot)
+        unread.add_snapshot(snapshot)
+        read.rows()
+    assert {row.direction for row in unread.rows()} == {RampDirection.RUN_DOWN}
+    for one, other in zip(read.rows(), unread.rows(), strict=True):
         assert one.vectors.tobytes() == other.vectors.tobytes()
         assert (one.direction, one.frames) == (other.direction, other.frames)
 
 
-def test_rows_hold_the_mean_of_what_run_out_left(make_bench: Callable[..., "Bench"]) -> None:
+def test_rows_contain_the_mean_of_the_compensated_vectors(make_bench: Callable[..., "Bench"]) -> None:
     runout = RunOutSettings(vectors=((1, 2 * MICRO + 0j, 1j * MICRO),))
     bench = make_bench(rate=20_000.0, runout=runout)
     table = SpeedTable()

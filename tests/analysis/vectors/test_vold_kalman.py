@@ -1,4 +1,4 @@
-"""The Vold-Kalman filter against envelopes that are known."""
+"""The Vold-Kalman filter on known envelopes."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ INNER = slice(2500, -2500)
 
 
 @pytest.mark.parametrize("how", [{"bandwidth": 4.0}, {"bandwidth_percent": 4.0}])
-def test_joint_orders_are_followed_as_they_swell(how: dict[str, float]) -> None:
+def test_joint_orders_are_tracked_as_their_amplitudes_change(how: dict[str, float]) -> None:
     truth = {1.0: 20 + 5 * np.sin(2 * np.pi * 0.4 * TIME), 2.0: 5.0 + 0 * TIME, 0.47: 8.0 + 0 * TIME}
     noise = 0.1 * np.random.default_rng(0).standard_normal(TIME.size)
     waveform = sum(a * np.cos(order * ANGLE + 0.3) for order, a in truth.items()) + noise
@@ -33,14 +33,14 @@ def test_joint_orders_are_followed_as_they_swell(how: dict[str, float]) -> None:
     assert np.std(found.residual[INNER]) == pytest.approx(0.1, rel=0.05)
 
 
-def test_orders_far_apart_do_not_disturb_one_another() -> None:
+def test_distant_orders_do_not_affect_each_other() -> None:
     waveform = 20 * np.cos(ANGLE) + 3 * np.cos(3 * ANGLE)
     found = order_envelopes(waveform, ANGLE, RATE, (1.0, 3.0), bandwidth=3.0)
     assert np.abs(np.abs(found.envelopes[0]) - 20)[INNER].max() < 0.05
     assert np.abs(np.abs(found.envelopes[1]) - 3)[INNER].max() < 0.05
 
 
-def test_a_record_as_sampled_gives_the_envelopes_of_both_probes() -> None:
+def test_record_gives_the_envelopes_of_both_probes() -> None:
     rate = 40_000.0
     time = np.arange(160_000) / rate
     turns = 60.0 * time + 15.0 * time**2
@@ -63,7 +63,7 @@ def test_a_record_as_sampled_gives_the_envelopes_of_both_probes() -> None:
 
 
 @pytest.mark.parametrize("bandwidth", [4.0, 10.0])
-def test_the_bandwidth_is_the_half_power_width(bandwidth: float) -> None:
+def test_bandwidth_is_the_half_power_width(bandwidth: float) -> None:
     gains = []
     for beat in (0.0, 0.5 * bandwidth, 2.0 * bandwidth):
         waveform = np.cos(2 * np.pi * beat * TIME) * np.cos(ANGLE)
@@ -74,7 +74,7 @@ def test_the_bandwidth_is_the_half_power_width(bandwidth: float) -> None:
     assert gains[2] < 0.02
 
 
-def test_the_stated_scatter_is_that_of_many_runs() -> None:
+def test_stated_uncertainty_is_the_scatter_of_many_runs() -> None:
     random = np.random.default_rng(0)
     errors, stated = [], []
     for _ in range(12):
@@ -103,18 +103,18 @@ def test_the_filter_is_linear() -> None:
         ({"orders": (1.0,), "bandwidth": -1.0}, "bandwidth"),
     ],
 )
-def test_what_cannot_be_solved_is_refused(how: dict[str, object], says: str) -> None:
+def test_unsolvable_settings_are_refused(how: dict[str, object], says: str) -> None:
     with pytest.raises(ValueError, match=says):
         order_envelopes(np.cos(ANGLE), ANGLE, RATE, **how)  # type: ignore[arg-type]  # what a caller may get wrong
 
 
-def test_a_record_too_short_to_tell_two_orders_apart_is_refused() -> None:
+def test_record_too_short_to_resolve_two_orders_is_refused() -> None:
     angle = np.asarray(2 * np.pi * 100.0 * np.arange(30) / 10_000.0)
     with pytest.raises(RecordTooShortError, match="30 samples"):
         order_envelopes(np.cos(angle), angle, 10_000.0, (1.0, 2.0), bandwidth=20.0)
 
 
-def test_waveforms_that_do_not_fit_are_refused() -> None:
+def test_waveforms_of_other_shapes_are_refused() -> None:
     with pytest.raises(RecordTooShortError):
         order_envelopes(np.zeros(5), np.arange(5.0), RATE, (1.0,), bandwidth=4.0)
     with pytest.raises(ValueError, match="shapes"):

@@ -1,4 +1,4 @@
-"""Whirls of frames merged into findings."""
+"""Whirl findings from successive frames."""
 
 from collections.abc import Sequence
 
@@ -35,7 +35,7 @@ def found(orders: Sequence[float | None], speed: float = 1000.0, rise: float = 1
     return tracker.findings()
 
 
-def test_successive_whirls_are_one_finding_with_begin_and_end() -> None:
+def test_whirls_of_successive_frames_are_one_finding() -> None:
     orders = [None] * 5 + [0.49 - 0.001 * k for k in range(20)] + [None] * 20
     (finding,) = found(orders)
     assert finding.frames == 20
@@ -46,29 +46,29 @@ def test_successive_whirls_are_one_finding_with_begin_and_end() -> None:
     assert finding.is_forward
 
 
-def test_a_component_that_replaces_another_is_a_finding_of_its_own() -> None:
+def test_component_that_replaces_another_is_a_separate_finding() -> None:
     findings = found([0.49] * 20 + [0.17] * 20)
     assert [round(finding.order, 2) for finding in findings] == [0.49, 0.17]
     assert findings[1].begin.speed == 1200.0
 
 
-def test_components_that_take_turns_are_followed_side_by_side() -> None:
+def test_alternating_components_are_tracked_in_parallel() -> None:
     findings = found([0.49, 0.17] * 15)
     assert [(round(finding.order, 2), finding.frames) for finding in findings] == [(0.49, 15), (0.17, 15)]
 
 
-def test_single_frames_and_one_disturbance_are_no_finding() -> None:
+def test_single_frames_and_single_disturbances_are_no_finding() -> None:
     assert found([None, 0.3, None, None, 0.6, None, 0.45, None]) == ()
     slow = found([None] * 3 + [0.4] * 8 + [None] * 20, speed=105.0, rise=0.0)  # 16 revolutions take 0.96 s
     assert slow == ()
 
 
-def test_a_short_break_does_not_split_a_finding_and_a_long_one_does() -> None:
+def test_only_a_long_break_splits_a_finding() -> None:
     assert len(found([0.49] * 10 + [None] * 3 + [0.49] * 10)) == 1
     assert len(found([0.49] * 10 + [None] * 8 + [0.49] * 10)) == 2
 
 
-def test_a_component_still_there_is_found_and_a_segment_ends_it() -> None:
+def test_active_component_is_a_finding_and_ends_with_its_segment() -> None:
     tracker = WhirlTracker()
     for number in range(10):
         tracker.add_frame(0, HOP * (number + 1), frame(1000.0, 0.49, amplitude=1e-6 * (number + 1), forward=False))
@@ -81,7 +81,7 @@ def test_a_component_still_there_is_found_and_a_segment_ends_it() -> None:
     assert [finding.begin.segment for finding in tracker.findings()] == [0, 1]
 
 
-def test_the_number_of_findings_is_bounded() -> None:
+def test_number_of_findings_is_bounded() -> None:
     tracker = WhirlTracker()
     for segment in range(MAX_FINDINGS + 20):
         for number in range(4):
@@ -92,7 +92,7 @@ def test_the_number_of_findings_is_bounded() -> None:
     assert findings[0].begin.segment == 20
 
 
-def test_components_that_are_there_together_are_followed_side_by_side() -> None:
+def test_simultaneous_components_are_tracked_in_parallel() -> None:
     tracker = WhirlTracker()
     for number in range(30):
         orders = (0.17, 0.49) if number % 2 else (0.49 + 0.001 * number, 0.17)
@@ -101,7 +101,7 @@ def test_components_that_are_there_together_are_followed_side_by_side() -> None:
     assert [finding.frames for finding in tracker.findings()] == [30, 30]
 
 
-def test_onset_on_the_run_up_and_end_on_the_run_down_are_told_together() -> None:
+def test_hysteresis_contains_onset_on_run_up_and_end_on_run_down() -> None:
     tracker = WhirlTracker()
     up, down = np.arange(900.0, 1500.0, 10.0), np.arange(1500.0, 800.0, -10.0)
     course = [(speed, RampDirection.RUN_UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
@@ -111,8 +111,8 @@ def test_onset_on_the_run_up_and_end_on_the_run_down_are_told_together() -> None
     first, second = tracker.findings()
     assert (first.begin_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)
     assert (second.begin_direction, second.end_direction) == (RampDirection.RUN_DOWN, RampDirection.RUN_DOWN)
-    (told,) = whirl_hysteresis(tracker.findings())
-    assert told.order == pytest.approx(0.48)
-    assert (told.onset, told.end) == (1100.0, 1010.0)
-    assert told.width == pytest.approx(90.0)
+    (found,) = whirl_hysteresis(tracker.findings())
+    assert found.order == pytest.approx(0.48)
+    assert (found.onset, found.end) == (1100.0, 1010.0)
+    assert found.width == pytest.approx(90.0)
     assert whirl_hysteresis((first,)) == ()

@@ -1,4 +1,4 @@
-"""Every component below 1X, and whether it follows the speed."""
+"""Tracks of components below 1X, and their classification as whirl or whip."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -35,7 +35,7 @@ def strongest(record: AngularRecord) -> SubsynchronousTrack:
     return max(subsynchronous_tracks(order_map(record)), key=lambda track: track.amplitudes.sum())
 
 
-def test_a_whirl_follows_the_speed(make_angular: Maker) -> None:
+def test_whirl_has_a_constant_order(make_angular: Maker) -> None:
     track = strongest(run_up(make_angular, lambda speed: 0.47 * speed, onset=250.0))
     assert track.behaviour is Behaviour.WHIRL
     assert track.exponent == pytest.approx(1.0, abs=0.02)
@@ -46,19 +46,19 @@ def test_a_whirl_follows_the_speed(make_angular: Maker) -> None:
     assert track.is_forward
 
 
-def test_a_whip_stays_where_it_is(make_angular: Maker) -> None:
+def test_whip_has_a_constant_frequency(make_angular: Maker) -> None:
     track = strongest(run_up(make_angular, lambda speed: np.full_like(speed, 85.0), onset=150.0))
     assert track.behaviour is Behaviour.WHIP
     assert track.exponent == pytest.approx(0.0, abs=0.02)
 
 
-def test_a_whirl_that_locks_is_told_with_its_speed(make_angular: Maker) -> None:
+def test_whirl_to_whip_has_a_lock_speed(make_angular: Maker) -> None:
     track = strongest(run_up(make_angular, lambda speed: np.minimum(0.47 * speed, 140.0), onset=120.0))
     assert track.behaviour is Behaviour.WHIRL_TO_WHIP
     assert track.lock_speed / (2 * np.pi) == pytest.approx(140.0 / 0.47, rel=0.03)
 
 
-def test_all_components_of_a_steady_shaft_are_told(make_angular: Maker) -> None:
+def test_all_components_at_constant_speed_are_found(make_angular: Maker) -> None:
     record = make_angular(
         (20 * MICRO, 1.0, 0.0),
         (8 * MICRO, 0.47, 0.0),
@@ -74,12 +74,12 @@ def test_all_components_of_a_steady_shaft_are_told(make_angular: Maker) -> None:
     assert {track.behaviour for track in tracks} == {Behaviour.UNKNOWN}
 
 
-def test_one_x_and_noise_alone_make_no_component(make_angular: Maker) -> None:
+def test_1x_and_noise_give_no_component(make_angular: Maker) -> None:
     record = make_angular((20 * MICRO, 1.0, 0.0), (5 * MICRO, 2.0, 0.0), revolutions=2000, noise=0.3 * MICRO)
     assert subsynchronous_tracks(order_map(record)) == ()
 
 
-def test_components_that_come_and_go_are_told_apart(make_angular: Maker) -> None:
+def test_successive_components_are_separate_tracks(make_angular: Maker) -> None:
     one = make_angular((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.4, 0.0), revolutions=160, noise=0.1 * MICRO)
     quiet = make_angular((20 * MICRO, 1.0, 0.0), revolutions=160, noise=0.1 * MICRO)
     waveform = np.concatenate([one.waveform, quiet.waveform, one.waveform], axis=1)
@@ -89,7 +89,7 @@ def test_components_that_come_and_go_are_told_apart(make_angular: Maker) -> None
     assert all(a.times[-1] < b.times[0] for a, b in pairwise(tracks))
 
 
-def test_windows_and_frames_that_cannot_serve_are_refused(make_angular: Maker) -> None:
+def test_unsuitable_windows_and_frames_are_refused(make_angular: Maker) -> None:
     record = make_angular((20 * MICRO, 1.0, 0.0))
     with pytest.raises(ValueError, match="order_map"):
         subsynchronous_tracks(order_map(record, window=Window.FLAT_TOP))

@@ -1,4 +1,4 @@
-"""Run-out that is taken off while a run goes, and how sure the vectors of a live frame are."""
+"""Run-out compensation during a run, and the uncertainty of the vectors of live frames."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -41,7 +41,7 @@ def frames_with(make_bench: Maker, runout: RunOutSettings, duration: float = 7.0
     return make_bench(rate=20_000.0, runout=runout).frames(angle, motion, duration)
 
 
-def test_slow_turning_tells_the_run_out_that_is_taken_off_what_follows(make_bench: Maker) -> None:
+def test_run_out_from_the_slow_roll_is_subtracted_afterwards(make_bench: Maker) -> None:
     frames = frames_with(make_bench, RunOutSettings(slow_roll_speed=BELOW))
     slow = [frame for frame in frames if frame.speed <= BELOW]
     assert len(slow) > 5
@@ -58,7 +58,7 @@ def test_slow_turning_tells_the_run_out_that_is_taken_off_what_follows(make_benc
     assert (last.compensated_sigma > last.sigma).all()
 
 
-def test_the_run_out_stands_once_the_shaft_has_turned_faster(make_bench: Maker) -> None:
+def test_run_out_estimate_is_final_after_the_slow_roll(make_bench: Maker) -> None:
     frames = frames_with(make_bench, RunOutSettings(slow_roll_speed=BELOW))
     known = [frame.runout for frame in frames if frame.runout is not None]
     assert len(known) > 10
@@ -67,7 +67,7 @@ def test_the_run_out_stands_once_the_shaft_has_turned_faster(make_bench: Maker) 
     assert first.speed > BELOW
 
 
-def test_run_out_known_before_is_taken_off_the_orbit_too_where_that_is_asked(make_bench: Maker) -> None:
+def test_known_run_out_is_subtracted_from_the_orbit_if_requested(make_bench: Maker) -> None:
     vectors = tuple((order, *(vector * MICRO).tolist()) for order, vector in ((1, ONE), (2, TWO)))
     frame = frames_with(make_bench, RunOutSettings(vectors=vectors, from_orbit=True))[-1]
     assert frame.compensated_orbit is not None
@@ -77,31 +77,31 @@ def test_run_out_known_before_is_taken_off_the_orbit_too_where_that_is_asked(mak
     assert np.ptp(np.hypot(*frame.orbit)) > 1.0 * MICRO
 
 
-def test_an_order_whose_run_out_is_not_known_stays_as_measured(make_bench: Maker) -> None:
+def test_order_of_unknown_run_out_stays_as_measured(make_bench: Maker) -> None:
     frame = frames_with(make_bench, RunOutSettings(vectors=((1, *(ONE * MICRO).tolist()),)))[-1]
     assert frame.compensated is not None
     assert np.isnan(frame.compensated[1]).all()
     np.testing.assert_array_equal(frame.motion[1], frame.vectors[1])
 
 
-def test_without_slow_turning_nothing_is_taken_off(make_bench: Maker) -> None:
+def test_without_a_slow_roll_nothing_is_subtracted(make_bench: Maker) -> None:
     frames = frames_with(make_bench, RunOutSettings(slow_roll_speed=0.5 * BELOW))
     assert all(frame.runout is None for frame in frames)
     assert all(frame.runout is None for frame in frames_with(make_bench, RunOutSettings(), 5.0))
 
 
-def test_what_the_slow_turning_tells_does_not_depend_on_the_size_of_blocks(make_bench: Maker) -> None:
+def test_run_out_estimate_does_not_depend_on_the_block_size(make_bench: Maker) -> None:
     bench = make_bench(rate=20_000.0, runout=RunOutSettings(slow_roll_speed=BELOW))
     codes = bench.codes(angle, motion, 6.5)
-    told = [bench.snapshots(codes, size)[-1].frame for size in (1000, 7777)]
-    assert told[0] is not None
-    assert told[1] is not None
-    assert told[0].runout is not None
-    assert told[1].runout is not None
-    assert told[0].runout.vectors.tobytes() == told[1].runout.vectors.tobytes()
+    found = [bench.snapshots(codes, size)[-1].frame for size in (1000, 7777)]
+    assert found[0] is not None
+    assert found[1] is not None
+    assert found[0].runout is not None
+    assert found[1].runout is not None
+    assert found[0].runout.vectors.tobytes() == found[1].runout.vectors.tobytes()
 
 
-def test_amplitudes_and_phases_of_live_frames_scatter_as_they_say(make_bench: Maker) -> None:
+def test_scatter_of_live_frames_matches_their_stated_uncertainty(make_bench: Maker) -> None:
     bench = replace(make_bench(rate=50_000.0), noise=2.0 * MICRO)
     frames = bench.frames(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, 2.0, 0.0)), 15.0)
     vectors = np.array([frame.vectors for frame in frames])  # the frames share no samples

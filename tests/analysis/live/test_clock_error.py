@@ -1,3 +1,5 @@
+"""The clock error of the card."""
+
 import numpy as np
 import pytest
 
@@ -27,7 +29,7 @@ def blocks(
 
 
 @pytest.mark.parametrize("error", [50e-6, -50e-6, 0.0])
-def test_clock_without_delays_is_found_exactly(error: float) -> None:
+def test_clock_error_without_delays_is_exact(error: float) -> None:
     fit = ClockEstimator(RATE)
     blocks(fit, 3000, error=error)
     found = fit.error()
@@ -36,7 +38,7 @@ def test_clock_without_delays_is_found_exactly(error: float) -> None:
     assert found.uncertainty < 1e-9
 
 
-def test_truth_lies_within_the_uncertainty_as_often_as_it_says() -> None:
+def test_uncertainty_covers_the_true_clock_error_as_often_as_stated() -> None:
     within = 0
     for seed in range(100):
         fit = ClockEstimator(RATE)
@@ -48,7 +50,7 @@ def test_truth_lies_within_the_uncertainty_as_often_as_it_says() -> None:
     assert 90 <= within <= 99
 
 
-def test_segments_share_one_slope_and_have_a_beginning_each() -> None:
+def test_segments_share_one_slope_and_have_separate_offsets() -> None:
     fit = ClockEstimator(RATE)
     blocks(fit, 300, error=40e-6)
     blocks(fit, 300, error=40e-6, segment=1, start=START + 77_000_000_000)
@@ -57,7 +59,7 @@ def test_segments_share_one_slope_and_have_a_beginning_each() -> None:
     assert abs(found.error - 40e-6) < 1e-9
 
 
-def test_late_reader_does_not_bend_the_line() -> None:
+def test_late_reader_does_not_bias_the_clock_error() -> None:
     fit = ClockEstimator(RATE)
     codes = np.zeros((1, BLOCK), np.int16)
     for k in range(600):
@@ -69,13 +71,13 @@ def test_late_reader_does_not_bend_the_line() -> None:
     assert abs(found.error) < 1e-9
 
 
-def test_short_run_tells_nothing() -> None:
+def test_short_run_has_no_clock_error() -> None:
     fit = ClockEstimator(RATE)
     blocks(fit, 40, error=0.0)
     assert fit.error() is None
 
 
-def test_samples_that_did_not_come_as_time_went_tell_nothing() -> None:
+def test_samples_not_in_real_time_have_no_clock_error() -> None:
     fit = ClockEstimator(RATE)
     blocks(fit, 3000, error=20.0)
     assert fit.error() is None

@@ -1,3 +1,5 @@
+"""Low-frequency signals: mains hum separated from shaft orders."""
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -26,7 +28,7 @@ def test_mains_line_is_measured_with_its_amplitude(mains: float, phase: float) -
 
 
 @pytest.mark.parametrize(("first", "last"), [(25.0, 25.0), (40.0, 60.0), (45.0, 45.5), (10.0, 20.0)])
-def test_shaft_is_taken_out_and_the_hum_stays(first: float, last: float) -> None:
+def test_shaft_orders_are_subtracted_and_hum_remains(first: float, last: float) -> None:
     angle = turned(first, last)
     motion = 5.0 * np.cos(angle) + 3.0 * np.sin(3 * angle)
     assert LowFrequencySignal(motion + NOISE, RATE, angle).mains_line().amplitude < 0.1
@@ -49,7 +51,7 @@ def test_shaft_on_the_mains_frequency_is_not_separable(shaft: float) -> None:
 
 
 @pytest.mark.parametrize("frequency", [45.0, 48.0, 52.0, 55.0, 63.0, 65.0])
-def test_line_beside_the_mains_is_not_the_mains(frequency: float) -> None:
+def test_line_near_the_mains_frequency_is_no_hum(frequency: float) -> None:
     assert LowFrequencySignal(5.0 * np.sin(2 * np.pi * frequency * TIME) + NOISE, RATE).mains_line().amplitude < 0.1
 
 
@@ -61,7 +63,7 @@ def test_vectors_are_those_of_the_orders() -> None:
     assert LowFrequencySignal(NOISE, RATE).vectors.size == 0
 
 
-def test_motion_leaves_out_standing_drift_mains_and_noise() -> None:
+def test_motion_excludes_mean_drift_hum_and_noise() -> None:
     hum = 20.0 * np.sin(2 * np.pi * 50.0 * TIME) + 5.0 * np.sin(2 * np.pi * 150.0 * TIME)
     assert LowFrequencySignal(4.0 + 3.0 * TIME + hum + NOISE, RATE).motion_rms() < 0.1
     angle = turned(33.0, 33.0)
