@@ -156,17 +156,17 @@ class ModalSystem:
     eccentricities: FloatArray
 
     @classmethod
-    def of(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
+    def from_parameters(cls, parameters: ModelParameters, modes: int | None = None) -> "ModalSystem":
         """Return the system with the lowest free modes, from a cache of the last few.
 
         Without ``modes``, the number depends on whether supports or walls act on the shaft.
         """
         if modes is None:
             modes = MODES_WITH_CONSTRAINTS if parameters.supports or parameters.rubs else DEFAULT_MODES
-        return _reduced(parameters, min(modes, 2 * parameters.rotor.stations))
+        return _cached_system(parameters, min(modes, 2 * parameters.rotor.stations))
 
     @classmethod
-    def reduced(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
+    def build(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
         """Build the system without the cache; ValueError if the rotor has no films."""
         films, rings = _films(parameters.floating_ring), _rings(parameters)
         rotor = parameters.rotor
@@ -244,8 +244,8 @@ class ModalSystem:
 
 
 @lru_cache(maxsize=8)
-def _reduced(parameters: ModelParameters, modes: int) -> ModalSystem:
-    return ModalSystem.reduced(parameters, modes)
+def _cached_system(parameters: ModelParameters, modes: int) -> ModalSystem:
+    return ModalSystem.build(parameters, modes)
 
 
 def _films(bearing: FloatingRing) -> Films:

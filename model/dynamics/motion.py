@@ -58,7 +58,7 @@ class ShaftMotion:
         if not math.isfinite(angle):
             raise ValueError(f"angle: {angle} rad, expected a finite value")
         _require_speed(speed)
-        self._system, self._rubs = ModalSystem.of(parameters), parameters.rubs
+        self._system, self._rubs = ModalSystem.from_parameters(parameters), parameters.rubs
         turning = max(speed, MIN_SPEED)
         step = 2 * math.pi / (STEPS_PER_TURN * turning)
         elapsed = step * np.arange(1 - turns_to_settle * STEPS_PER_TURN, 1, dtype=np.float64)

@@ -95,7 +95,7 @@ def synchronous_orbit(
         If none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    turn = _PoincareMap(ModalSystem.of(parameters), speed, steps)
+    turn = _PoincareMap(ModalSystem.from_parameters(parameters), speed, steps)
     initial_state = turn.after(np.zeros(turn.size), SETTLING_TURNS) if start is None else start.initial_state
     jacobian, following = turn.differentiate(initial_state)
     differentiated_at, last = initial_state, math.inf

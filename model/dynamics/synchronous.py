@@ -105,7 +105,7 @@ def synchronous_response(
         If Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
-    system = ModalSystem.of(parameters, modes)
+    system = ModalSystem.from_parameters(parameters, modes)
     if not system.is_isotropic:
         return _elliptic(parameters, speed, None if start is None else start.orbit)
     frame = _RotatingFrame(system, speed)

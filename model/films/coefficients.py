@@ -68,7 +68,7 @@ def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
     Raises
     ------
     ValueError
-        Where the eccentricity lies outside its range.
+        If the eccentricity lies outside its range.
     """
     _require_inside(eccentricity)
     e, pi = eccentricity, math.pi
@@ -116,7 +116,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     Raises
     ------
     ValueError
-        Where load or speed is not positive.
+        If load or speed is not positive.
     EquilibriumError
         If the load presses the inner body against the wall.
     """

@@ -188,9 +188,9 @@ class Lubrication:
         Raises
         ------
         ValueError
-            Where load or pressure is not positive.
+            If load or pressure is not positive.
         EquilibriumError
-            Where the film would close too near its centre or the wall to be computed.
+            If the film would close too near its centre or the wall to be computed.
         """
         require_positive("load", load, "N")
         require_positive("inlet_pressure", inlet_pressure, "Pa")

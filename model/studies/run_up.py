@@ -131,14 +131,14 @@ class RunUp:
 
     def onset(self, film: FilmName) -> float:
         """Return the first of two successive speeds with visible whirl of a film, rad/s; NaN without any."""
-        seen = self._visible(film)
-        both = np.flatnonzero(seen[:-1] & seen[1:])
+        is_visible = self._visible(film)
+        both = np.flatnonzero(is_visible[:-1] & is_visible[1:])
         return float(self.speeds[both[0]]) if both.size else math.nan
 
     def end(self, film: FilmName) -> float:
         """Return the last speed with visible whirl of a film, rad/s; NaN without any."""
-        seen = np.flatnonzero(self._visible(film))
-        return float(self.speeds[seen[-1]]) if seen.size else math.nan
+        is_visible = np.flatnonzero(self._visible(film))
+        return float(self.speeds[is_visible[-1]]) if is_visible.size else math.nan
 
     def _visible(self, film: FilmName) -> NDArray[np.bool_]:
         _, size = self.whirl(film)

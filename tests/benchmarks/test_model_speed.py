@@ -83,7 +83,9 @@ def solved(
     rtol, atol = tolerances
     solution = solve_ivp(rates, (0.0, float(times[-1])), at_rest(), method, times, rtol=rtol, atol=atol)
     assert solution.success
-    path = np.ascontiguousarray(solution.y.T).view(np.complex128)[:, :6] @ ModalSystem.of(gj90c()).shaft.probe
+    path = (
+        np.ascontiguousarray(solution.y.T).view(np.complex128)[:, :6] @ ModalSystem.from_parameters(gj90c()).shaft.probe
+    )
     return np.stack((path.real, path.imag))
 
 

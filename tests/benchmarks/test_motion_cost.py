@@ -54,7 +54,7 @@ def test_newmark_is_100_times_faster_than_lsoda() -> None:
         begin = time.process_time()
         motion.integrate_turns(TURNS * 20)
         march = min(march, (time.process_time() - begin) / 20)
-    scipy = min(lsoda(ModalSystem.of(parameters), TURNS) for _ in range(2))
+    scipy = min(lsoda(ModalSystem.from_parameters(parameters), TURNS) for _ in range(2))
     step = march / (TURNS * STEPS_PER_TURN)
     print(f"\n{TURNS} turns: march {march * 1e3:.2f} ms ({step * 1e6:.2f} µs a step), LSODA {scipy * 1e3:.0f} ms")
     print(f"ratio {scipy / march:.0f}")

@@ -21,7 +21,7 @@ FORCES = """
     from model.dynamics.condensed import bearing_forces
     from model.rotor.gj90c import gj90c
     from model.dynamics.modal_system import ModalSystem
-    bearing_forces(ModalSystem.of(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
+    bearing_forces(ModalSystem.from_parameters(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
 """
 WHOLE_START = """
     import numpy as np

@@ -12,7 +12,7 @@ def chapter() -> Chapter:
     return chapter_3()
 
 
-def of(chapter: Chapter, reading: str, place: str) -> list[Comparison]:
+def comparisons_at(chapter: Chapter, reading: str, place: str) -> list[Comparison]:
     return [c for c in chapter.comparisons if c.note.startswith(reading) and c.place == place]
 
 
@@ -27,13 +27,13 @@ def test_every_number_has_both_calibrations_and_a_reason_where_it_differs(chapte
 
 @pytest.mark.parametrize("place", ["Fig. 3.2", "Fig. 3.3", "Fig. 3.6", "Fig. 3.7"])
 def test_thesis_like_calibration_reproduces_equilibria_and_cavities(chapter: Chapter, place: str) -> None:
-    comparisons = of(chapter, "thesis-like", place)
+    comparisons = comparisons_at(chapter, "thesis-like", place)
     assert comparisons
     assert all(c.is_reproduced for c in comparisons)
 
 
 def test_table_3_1_taken_literally_reproduces_none_of_the_inner_eccentricities(chapter: Chapter) -> None:
-    eccentricities = [c for c in of(chapter, "nominal", "Fig. 3.3") if "eccentricity" in c.quantity]
+    eccentricities = [c for c in comparisons_at(chapter, "nominal", "Fig. 3.3") if "eccentricity" in c.quantity]
     assert len(eccentricities) == 3
     assert not any(c.is_reproduced for c in eccentricities)
 
@@ -43,7 +43,7 @@ def test_table_3_1_taken_literally_reproduces_none_of_the_inner_eccentricities(c
     [("Fig. 3.5", "20 N"), ("Fig. 3.8", "start of the outer"), ("Fig. 3.9", "187"), ("Fig. 3.13", "30 N")],
 )
 def test_numbers_without_force_balance_are_not_reproduced(chapter: Chapter, place: str, words: str) -> None:
-    [comparison] = [c for c in of(chapter, "thesis-like", place) if words in c.quantity]
+    [comparison] = [c for c in comparisons_at(chapter, "thesis-like", place) if words in c.quantity]
     assert not comparison.is_reproduced
 
 

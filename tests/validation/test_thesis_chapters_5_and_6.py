@@ -79,7 +79,7 @@ def test_missing_whirl_counts_as_the_latest_onset() -> None:
         one for one in trends(_with_onsets([1600.0, 2500.0, math.nan])) if one.text.startswith("more imbalance delays")
     )
     assert delays.is_reproduced
-    assert delays.seen == "1,600 rad/s → 2,500 rad/s → none"
+    assert delays.computed == "1,600 rad/s → 2,500 rad/s → none"
     other = next(one for one in trends(_with_onsets([1600.0, 1600.0, math.nan])) if one.text == delays.text)
     assert not other.is_reproduced
 
@@ -162,9 +162,9 @@ def test_spectrum_is_reproduced_with_exactly_the_stated_components(
         spectrum[:, place] = size
         films[:, :, place] = (size / 20e-6, 0.0) if order == 0.7 else (0.0, size / 80e-6)
     look = Spectrum("Fig. 6.0", 520.0, stated)
-    good, seen = look.evaluate(replace(run, spectrum=spectrum, films=films))
+    good, computed = look.evaluate(replace(run, spectrum=spectrum, films=films))
     assert good == is_right
-    assert seen.startswith("1X 2 µm")
+    assert computed.startswith("1X 2 µm")
     spectrum_plot, trajectory = look.plots(run, "name")
     assert np.array_equal(spectrum_plot.series[0].y, run.spectrum[1] * 1e6)
     assert np.array_equal(trajectory.series[0].x, run.orbit[1, 0] * 1e6)

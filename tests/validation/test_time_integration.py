@@ -27,7 +27,7 @@ def explicit(parameters: ModelParameters, speed: float, times: FloatArray) -> Fl
     solution = solve_ivp(rates, span, at_rest(), "DOP853", times, rtol=1e-9, atol=1e-14)
     assert solution.success
     modal = np.ascontiguousarray(solution.y.T).view(np.complex128)[:, :6]
-    path = modal @ ModalSystem.of(parameters).shaft.probe
+    path = modal @ ModalSystem.from_parameters(parameters).shaft.probe
     return np.stack((path.real, path.imag))
 
 

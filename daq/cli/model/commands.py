@@ -46,7 +46,7 @@ def add_model_commands(parser: argparse.ArgumentParser) -> None:
     """Add the subcommands to the parser of `rig model`."""
     parser.epilog = _EPILOG
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    studies = parser.add_subparsers(dest="kind", required=True, metavar="STUDY")
+    studies = parser.add_subparsers(dest="study", required=True, metavar="STUDY")
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
         return studies.add_parser(name, help=text, description=text)

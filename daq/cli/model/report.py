@@ -128,7 +128,7 @@ def _comparisons(comparisons: Iterable[Comparison]) -> str:
 def _trends(trends: Iterable[Trend]) -> str:
     rows = "".join(
         f"<tr class={'yes' if one.is_reproduced else 'no'}><td>{escape(one.text)}"
-        f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.seen)}</tr>"
+        f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.computed)}</tr>"
         for one in trends
     )
     return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in order of the cases</tr>{rows}</table>"

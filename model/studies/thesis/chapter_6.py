@@ -245,12 +245,12 @@ def onsets_by_eigenvalues(found: tuple[CaseResult, ...]) -> str:
     others, agreeing = [], 0
     for case, one in zip(CASES, found, strict=True):
         for film in FilmName:
-            seen, expected = one.run.onset(film), one.stability.onset(film)
+            computed, expected = one.run.onset(film), one.stability.onset(film)
             beyond = one.run.speeds[one.run.speeds >= expected]  # none where nothing is expected
-            if (seen == beyond[0]) if beyond.size else math.isnan(seen):
+            if (computed == beyond[0]) if beyond.size else math.isnan(computed):
                 agreeing += 1
             else:
-                others.append(f"{film} film, {case.name}: {_at(seen)}, by eigenvalues {_at(expected)}")
+                others.append(f"{film} film, {case.name}: {_at(computed)}, by eigenvalues {_at(expected)}")
     elsewhere = (
         f"; in the others growth is slow, or the other film whirls already: {'; '.join(others)}" if others else ""
     )
@@ -274,13 +274,13 @@ class Trend:
         Text of the trend.
     is_reproduced : bool
         Whether the run-ups reproduce it.
-    seen : str
+    computed : str
         Computed values.
     """
 
     text: str
     is_reproduced: bool
-    seen: str
+    computed: str
 
 
 def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
@@ -298,8 +298,8 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
         onsets = [by_name[name].onset(film) for name in names]
         sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: counts as the latest onset
         steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
-        seen = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
-        return Trend(text, all(step == sign for step in steps), seen)
+        computed = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
+        return Trend(text, all(step == sign for step in steps), computed)
 
     both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.imbalance_fraction < 1]
     ordered = sum(inner < outer for inner, outer in both)

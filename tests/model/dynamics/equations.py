@@ -65,7 +65,7 @@ def _rates(
 
 def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Rates:
     """Return d(state)/dt at a constant speed, compiled; the state holds modes and rings, then their velocities."""
-    system = ModalSystem.of(parameters, modes)
+    system = ModalSystem.from_parameters(parameters, modes)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
         found: ComplexArray = _rates(time, flat.view(np.complex128), speed, system.shaft, system.films, system.rings)
@@ -128,7 +128,7 @@ def _rub(out: ComplexArray, state: ComplexArray, m: int, speed: float, shapes: F
 
 def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> Rates:
     """Return d(state)/dt with linear supports and walls; rings of supports follow the floating rings."""
-    system = ModalSystem.of(parameters, modes)
+    system = ModalSystem.from_parameters(parameters, modes)
     supports, rubs = parameters.supports, parameters.rubs
     supported = system.stations[[one.station - 1 for one in supports]]
     matrices = np.zeros((len(supports), 4, 2, 2))
@@ -154,7 +154,7 @@ def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> 
 
 def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Rates:
     """Return d(state)/dt in plain NumPy."""
-    system = ModalSystem.of(parameters, modes)
+    system = ModalSystem.from_parameters(parameters, modes)
     shaft, films = system.shaft, system.films
 
     def film(z: ComplexArray, v: ComplexArray, clearance: float, spin: float, factor: float) -> ComplexArray:

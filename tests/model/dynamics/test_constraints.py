@@ -126,7 +126,7 @@ def test_motion_equals_explicit_integration_with_tight_tolerance(
 ) -> None:
     speed, steps, turns = 1500.0, 256, 5
     parameters = shaken(supports=supports, rubs=rubs)
-    system = ModalSystem.of(parameters)
+    system = ModalSystem.from_parameters(parameters)
     modes, rings = system.shaft.squared_frequencies.size, system.rings.mass.size
     times = 2 * math.pi / (speed * steps) * np.arange(turns * steps)
     path = ShaftMotion(parameters, speed, 0).integrate_stations(turns, steps)
@@ -175,7 +175,7 @@ def test_shaft_pressed_onto_a_wall_rests_in_force_balance() -> None:
 def bounce(parameters: ModelParameters, velocity: float, step: float, steps: int) -> list[NDArray[np.complex128]]:
     """Motion of a non-rotating shaft with an initial velocity of its first mode in X."""
     motion = ShaftMotion(parameters, 50.0, 0)
-    system = ModalSystem.of(parameters)
+    system = ModalSystem.from_parameters(parameters)
     modes = system.shaft.squared_frequencies.size
     initial_state = np.zeros((2, modes + system.rings.mass.size), np.complex128)
     initial_state[1, 0] = velocity / system.stations[0, 0] / motion.speed
@@ -190,7 +190,7 @@ def bounce(parameters: ModelParameters, velocity: float, step: float, steps: int
 def test_undamped_frictionless_wall_conserves_energy() -> None:
     rub = Rub(1, 5e-6, 1e6, 10e-3)
     parameters = dry(rubs=(rub,), imbalances=())
-    system = ModalSystem.of(parameters)
+    system = ModalSystem.from_parameters(parameters)
     energies, depths = [], []
     for state in bounce(parameters, 0.01, 2e-6, 900):
         q, v = state[:2, : system.shaft.squared_frequencies.size]
@@ -209,7 +209,7 @@ def test_rebound_from_a_damped_wall_is_that_of_hunt_and_crossley() -> None:
     alike = dry(rubs=walls, imbalances=())
     parameters = replace(alike, rotor=rotor((0.05, 0.05, 0.05, 0.05)))
     last = bounce(parameters, speed, 1e-4, 150)[-1]
-    system = ModalSystem.of(parameters)
+    system = ModalSystem.from_parameters(parameters)
     rebound = -float((system.stations[0, 0] * last[1, 0]).real)
     assert abs(system.stations[0, 0] * last[0, 0]) < walls[0].clearance
 
@@ -246,7 +246,10 @@ def test_with_values_changes_the_first_wall_and_support() -> None:
 
 
 def test_default_rotor_has_no_constraints_and_six_modes() -> None:
-    system = ModalSystem.of(gj90c())
+    system = ModalSystem.from_parameters(gj90c())
     assert system.constraints is None
     assert system.shaft.squared_frequencies.size == 6
-    assert ModalSystem.of(replace(gj90c(), rubs=(Rub(2, 1e-4, 1e6, 1e-2),))).shaft.squared_frequencies.size == 12
+    assert (
+        ModalSystem.from_parameters(replace(gj90c(), rubs=(Rub(2, 1e-4, 1e6, 1e-2),))).shaft.squared_frequencies.size
+        == 12
+    )

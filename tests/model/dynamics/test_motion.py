@@ -177,7 +177,9 @@ def test_state_beyond_the_wall_is_refused_without_effect(default: ModelParameter
     assert np.array_equal(motion.state, before)
     beyond[0] = 0
     beyond[0, -1] = 80e-6  # the ring in the housing, the journal in the middle of the ring
-    beyond[0, :6] = np.linalg.lstsq(ModalSystem.of(default).shaft.journals, np.array([0, 80e-6]), rcond=None)[0]
+    beyond[0, :6] = np.linalg.lstsq(
+        ModalSystem.from_parameters(default).shaft.journals, np.array([0, 80e-6]), rcond=None
+    )[0]
     with pytest.raises(WallContactError, match=r"eccentricity: the ring reached 80\.00 µm of the outer film's"):
         motion.resume(beyond, 950.0)
     beyond[0, -1] = np.nan

@@ -53,7 +53,7 @@ def test_compiled_integration_equals_the_interpreted_one(default: ModelParameter
     film = SupportCoefficients(((1e5, 2e4), (0.0, 1e5)), ((20.0, 0.0), (0.0, 20.0)))
     supports = (Support(1, film), Support(6, film, film, 0.01))
     parameters = replace(default, supports=supports, rubs=(Rub(5, 1e-6, 1e6, 0.02, 0.1, 0.5),))
-    system = ModalSystem.of(parameters if constrained else default)
+    system = ModalSystem.from_parameters(parameters if constrained else default)
     speeds = np.linspace(900, 1100, 60)
     fine = 0.5 * MAX_SUBSTEP_ANGLE / 1100
     for step in (fine, 3 * fine):  # the second is divided internally
@@ -65,7 +65,7 @@ def test_compiled_integration_equals_the_interpreted_one(default: ModelParameter
 
 
 def test_failed_integration_returns_the_index_of_the_step(default: ModelParameters) -> None:
-    system = ModalSystem.of(default)
+    system = ModalSystem.from_parameters(default)
     dry = replace(system, films=system.films._replace(inner_factor=1e-12, outer_factor=1e-12))
     expected = run(integrate, dry, np.full(400, 10.0), 1e-3)
     found = run(interpreted(), dry, np.full(400, 10.0), 1e-3)

@@ -114,8 +114,8 @@ def test_rotor_without_films_is_studied_on_its_supports(plain: str, capsys: Capt
 @pytest.mark.parametrize("name", ["onset", "waterfall", "bifurcation", "motion", "lubrication", "film"])
 def test_film_study_of_a_rotor_without_films_is_refused(name: str, plain: str, capsys: Capture) -> None:
     assert main(["model", name, plain]) == 2
-    message_text = capsys.readouterr().err
-    assert message_text == "rig: bearing: none, expected a rotor on oil films, with [bearing] in its file\n"
+    stderr = capsys.readouterr().err
+    assert stderr == "rig: bearing: none, expected a rotor on oil films, with [bearing] in its file\n"
 
 
 def test_journal_study_of_a_rotor_without_journals_is_refused(plain: str, tmp_path: Path, capsys: Capture) -> None:
@@ -134,9 +134,9 @@ def test_fault_in_a_rotor_file_names_the_file(tmp_path: Path, capsys: Capture) -
     rotor = tmp_path / "rotor.toml"
     rotor.write_text(OTHER.replace("clearance_um = 60,", "clearance_um = -60,"), encoding="utf-8")
     assert main(["model", "modes", str(rotor)]) == 2
-    message_text = capsys.readouterr().err
-    assert "rub[0].clearance_um = -60 µm: expected a finite value above 0" in message_text
-    assert "rotor.toml" in message_text
+    stderr = capsys.readouterr().err
+    assert "rub[0].clearance_um = -60 µm: expected a finite value above 0" in stderr
+    assert "rotor.toml" in stderr
 
 
 def test_plots_of_equal_studies_are_equal(tmp_path: Path, capsys: Capture) -> None:
@@ -209,9 +209,9 @@ from daq.cli.main import main
 sys.exit(sum(main(["model", *command]) != 2 for command in {commands!r}))
 """
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    message_text = done.stderr.splitlines()
+    stderr = done.stderr.splitlines()
     assert done.returncode == 0, done.stderr
-    assert [line.partition("install 'rig-service[")[2] for line in message_text] == ["plots]'", "dask]'", "formats]'"]
+    assert [line.partition("install 'rig-service[")[2] for line in stderr] == ["plots]'", "dask]'", "formats]'"]
     assert not list(tmp_path.iterdir())
 
 
