@@ -1,4 +1,4 @@
-"""The live view of a run in rerun's viewer. rerun is an optional part: nothing here needs it until a view is opened."""
+"""Live view of a run in the rerun viewer; rerun is optional and imported when a view is opened."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ def open_live_view(
     Raises
     ------
     ServiceError
-        rerun is not installed, or a port cannot be had.
+        rerun is not installed, or a port is not available.
     """
     try:
         from daq.view.live_view import LiveView  # noqa: PLC0415 - needs rerun, which is optional

@@ -1,4 +1,4 @@
-"""Amplitude and phase lag of 1X and 2X against speed, with the prediction beside them."""
+"""Bode plot of measured and predicted 1X and 2X over speed."""
 
 import math
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import RunHeader
 from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
-from daq.view.axes import Axis, Plot, Reach
+from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
 from model.prediction.prediction_map import Prediction
@@ -18,8 +18,8 @@ ComplexArray = NDArray[np.complex128]
 
 BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
 _BINS = 250
-_LETTERS = 7.0
-_DASH = 2.5  # of a run-down's lines
+_FONT_SIZE = 7.0
+_DASH = 2.5  # length, of run-down lines
 _MICRO = 1e6
 _TO_RPM = 30.0 / math.pi
 
@@ -30,15 +30,15 @@ def phase_lag(vector: ComplexArray) -> FloatArray:
 
 
 class BodePlot:
-    """Collects the 1X and 2X vectors by speed and draws them, run-up in whole lines and run-down in dashes.
+    """Bode plot of one run: run-up in solid lines, run-down dashed.
 
-    In either direction the last at a speed stays. That the speed has turned is known a little later; what came since
-    then belongs to the new direction.
+    The latest vector at each speed and ramp direction is shown. A reversal is detected with a delay; vectors since the
+    reversal are then moved to the new direction.
 
     Parameters
     ----------
     header : RunHeader
-        Gives the highest speed.
+        Header with the highest speed.
     """
 
     def __init__(self, header: RunHeader) -> None:
@@ -46,43 +46,43 @@ class BodePlot:
         self._speeds = (np.arange(_BINS) + 0.5) * self._top / _BINS
         self._ramp = RampTracker()
         self._measured = {direction: _no_vectors() for direction in RampDirection}
-        self._since = _no_vectors()  # the furthest speed
+        self._since = _no_vectors()  # the extreme speed of the ramp
         self._predicted = _no_vectors()
-        self._reach = Reach(smallest=2.0, patience=3)
-        self._compensated = False  # whether run-out is taken off, from some speed on
+        self._scale = AutoScale(minimum=2.0, patience=3)
+        self._compensated = False  # whether some vectors are compensated for run-out
 
     def add(self, frame: OrderFrame | None, prediction: Prediction | None) -> None:
-        """Take what a moment has to say of its speed."""
+        """Add the vectors of a frame and of a prediction."""
         if frame is not None and math.isfinite(frame.speed):
             if self._ramp.update(frame.speed) is not RampStep.WITHIN:
                 self._measured[self._ramp.direction] = self._in_direction(self._ramp.direction)
                 self._since = _no_vectors()
-            self._keep(frame.speed, frame.motion, self._since)
+            self._store(frame.speed, frame.motion, self._since)
             self._compensated = self._compensated or frame.runout is not None
         if prediction is not None and math.isfinite(prediction.speed):
-            self._keep(prediction.speed, prediction.vectors, self._predicted)
+            self._store(prediction.speed, prediction.vectors, self._predicted)
 
-    def _keep(self, speed: float, vectors: ComplexArray, into: ComplexArray) -> None:
+    def _store(self, speed: float, vectors: ComplexArray, into: ComplexArray) -> None:
         if 0.0 <= speed * _TO_RPM < self._top and np.isfinite(vectors).all():
             into[int(speed * _TO_RPM / self._top * _BINS)] = vectors * _MICRO
 
     def _in_direction(self, direction: RampDirection) -> ComplexArray:
-        """Return what was measured on the way up or down, by speed."""
+        """Return the measured vectors of a ramp direction by speed."""
         settled = self._measured[direction]
-        return settled if direction is not self._ramp.direction else _over(self._since, settled)
+        return settled if direction is not self._ramp.direction else _merged(self._since, settled)
 
     def follow(self) -> tuple[float, bool, bool]:
-        """Return the end of the amplitude's scale, µm, and what the legends say, by which a changed frame is known."""
+        """Update the scale; return its end, µm, and the state of the legend, to detect changed axes."""
         drawn = np.stack([*self._measured.values(), self._since, self._predicted])
-        self._reach.follow(float(np.nan_to_num(np.abs(drawn)).max()))
-        return self._reach.end, self._compensated, self._ran_down
+        self._scale.follow(float(np.nan_to_num(np.abs(drawn)).max()))
+        return self._scale.end, self._compensated, self._has_run_down
 
     @property
-    def _ran_down(self) -> bool:
+    def _has_run_down(self) -> bool:
         return bool(np.isfinite(self._in_direction(RampDirection.RUN_DOWN)).any())
 
     def axes(self) -> Drawing:
-        """Return both frames, numbers and legend."""
+        """Return axes and legend."""
         drawing = Drawing()
         amplitude, lag = self._plots()
         amplitude.draw_frame(drawing, numbers=False)
@@ -90,20 +90,20 @@ class BodePlot:
         right = 296.0
         which = "compensated, 2X dim" if self._compensated else "1X bright, 2X dim"
         for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT)):
-            right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
-        if self._ran_down:
-            which = "run-up whole, run-down dashed"
-            drawing.text(which, (296.0, lag.top - 0.8 * _LETTERS), _LETTERS, TEXT, Anchor.RIGHT)
+            right -= drawing.text(name, (right, -0.8 * _FONT_SIZE), _FONT_SIZE, color, Anchor.RIGHT) + 8.0
+        if self._has_run_down:
+            which = "run-up solid, run-down dashed"
+            drawing.text(which, (296.0, lag.top - 0.8 * _FONT_SIZE), _FONT_SIZE, TEXT, Anchor.RIGHT)
         return drawing
 
     def model(self) -> Drawing:
-        """Return the predicted lines."""
+        """Return the predicted curves."""
         drawing = Drawing()
         self._lines(drawing, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.2, MODEL_DASH)
         return drawing
 
     def measured(self) -> Drawing:
-        """Return the measured lines."""
+        """Return the measured curves."""
         drawing = Drawing()
         for direction, dash in ((RampDirection.RUN_DOWN, _DASH), (RampDirection.RUN_UP, 0.0)):
             self._lines(drawing, self._in_direction(direction), (MEASURED_X, MEASURED_Y), 1.7, dash)
@@ -114,7 +114,7 @@ class BodePlot:
     ) -> None:
         amplitude, lag = self._plots()
         known = np.flatnonzero(np.isfinite(vectors[:, 0, 0].real))
-        gaps = np.flatnonzero(np.diff(known) > 8) + 1  # within a run-up the bins between are simply joined
+        gaps = np.flatnonzero(np.diff(known) > 8) + 1  # smaller gaps are joined
         for stretch in np.split(known, gaps):
             for order, share in ((1, 0.5), (0, 1.0)):
                 for probe, color in enumerate(colors):
@@ -122,16 +122,24 @@ class BodePlot:
                     speeds = self._speeds[stretch]
                     lines = [amplitude.place(speeds, np.abs(vector))]
                     if order == 0:
-                        lines.append(lag.place(*_unfolded(speeds, phase_lag(vector))))
+                        lines.append(lag.place(*_broken_at_wrap(speeds, phase_lag(vector))))
                     for line in lines:
                         drawing.line(line, dimmed(color, share), width, dash)
 
     def _plots(self) -> tuple[Plot, Plot]:
         speed = Axis(0.0, self._top, "speed, r/min", ticks=8)
         upper = Plot(
-            0.0, 0.0, 300.0, 76.0, speed, Axis(0.0, self._reach.end, "amplitude, µm peak", ticks=3), letters=_LETTERS
+            0.0,
+            0.0,
+            300.0,
+            76.0,
+            speed,
+            Axis(0.0, self._scale.end, "amplitude, µm peak", ticks=3),
+            font_size=_FONT_SIZE,
         )
-        lower = Plot(0.0, 98.0, 300.0, 64.0, speed, Axis(0.0, 360.0, "1X phase lag, °", step=90.0), letters=_LETTERS)
+        lower = Plot(
+            0.0, 98.0, 300.0, 64.0, speed, Axis(0.0, 360.0, "1X phase lag, °", step=90.0), font_size=_FONT_SIZE
+        )
         return upper, lower
 
 
@@ -139,11 +147,11 @@ def _no_vectors() -> ComplexArray:
     return np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
 
 
-def _over(younger: ComplexArray, older: ComplexArray) -> ComplexArray:
-    return np.where(np.isfinite(younger), younger, older)
+def _merged(newer: ComplexArray, older: ComplexArray) -> ComplexArray:
+    return np.where(np.isfinite(newer), newer, older)
 
 
-def _unfolded(speeds: FloatArray, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Break a line where the lag passes from 360° to 0°, so that no upright is drawn there."""
+def _broken_at_wrap(speeds: FloatArray, lag: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a curve broken where the lag wraps from 360° to 0°."""
     jumps = np.flatnonzero(np.abs(np.diff(lag)) > 180.0) + 1
     return np.insert(speeds, jumps, np.nan), np.insert(lag, jumps, np.nan)

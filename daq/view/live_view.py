@@ -1,4 +1,4 @@
-"""The live view: a server for rerun's viewer, fed by a thread of its own that draws the latest live update only."""
+"""Live view: a rerun server fed by a separate thread that draws only the latest update."""
 
 import socket
 import threading
@@ -16,16 +16,16 @@ from daq.view.presenter import Presenter, operator_blueprint
 from daq.view.viewer_pages import ViewerPages
 
 _APPLICATION = "rig"
-_MEMORY = "16MiB"  # a minute or two for who looks in late; the viewer draws all of it before it is up to date
-_SHORTEST = 0.08  # s between two pictures
-_EVERYWHERE = ("0.0.0.0", "::", "")  # noqa: S104 - compared with, not bound to
+_MEMORY = "16MiB"  # one or two minutes for late viewers, which draw all of it before they are up to date
+_MIN_INTERVAL = 0.08  # s between two updates
+_ALL_INTERFACES = ("0.0.0.0", "::", "")  # noqa: S104 - compared with, not bound to
 
 
 class LiveView:
-    """Shows the latest live update in rerun's viewer, in any browser.
+    """Shows the latest update of a run in the rerun viewer in any browser.
 
-    One thread alone touches rerun. Whatever becomes of it, of the server or of a browser that cannot keep up, `offer`
-    returns at once: the update waiting in the slot is replaced, and counted.
+    A single thread uses rerun. `offer` never blocks, even if that thread, the server or a slow browser does: an update
+    that is still waiting is replaced and counted as dropped.
 
     Parameters
     ----------
@@ -51,11 +51,11 @@ class LiveView:
         except ServiceError:
             self._pages.close()
             raise
-        self._name = socket.gethostname() if host in _EVERYWHERE else host
+        self._name = socket.gethostname() if host in _ALL_INTERFACES else host
         names = sorted({self._name, "localhost", "127.0.0.1"})
         self._data_origins = [f"http://{name}:{self._grpc_port}" for name in names]
         self._sink = rr.GrpcServerSink(
-            host or "0.0.0.0",  # noqa: S104 - asked for by the caller
+            host or "0.0.0.0",  # noqa: S104 - chosen by the caller
             self._grpc_port,
             server_memory_limit=_MEMORY,
             newest_first=True,
@@ -72,27 +72,27 @@ class LiveView:
 
     @property
     def url(self) -> str:
-        """Address to open in a browser: the viewer's page, told where the data is."""
+        """URL of the viewer's page with the address of the data."""
         page = f"http://{self._name}:{self._pages.port}/"
         return f"{page}?url={quote(self.viewer_url, safe='')}&hide_welcome_screen=1&theme=dark"
 
     @property
     def viewer_url(self) -> str:
-        """Address of the data, for a viewer that is installed: ``rerun <address>``."""
+        """URL of the data, for an installed viewer: ``rerun <url>``."""
         return f"rerun+http://{self._name}:{self._grpc_port}/proxy"
 
     @property
     def dropped(self) -> int:
-        """Frames that were replaced before they were drawn."""
+        """Number of updates that were replaced before they were drawn."""
         return self._dropped
 
     @property
     def failure(self) -> str:
-        """Why nothing is drawn any more, for the operator; empty where all is well."""
+        """Error that stopped the view; empty while it works."""
         return self._failure or self._pages.failure
 
     def offer(self, update: LiveUpdate) -> None:
-        """Show this update when there is time; never blocks."""
+        """Queue an update for drawing in place of a waiting one; never blocks."""
         with self._wake:
             if self._slot is not None:
                 self._dropped += 1
@@ -105,21 +105,21 @@ class LiveView:
         return self._slot is not None
 
     def wait_ready(self, timeout: float) -> bool:
-        """Wait until the view can be opened, at most ``timeout`` s; returns whether it can."""
+        """Wait at most ``timeout`` s until the view can be opened; return whether it can."""
         until = time.monotonic() + timeout
         return self._ready.wait(timeout) and self._pages.wait(until - time.monotonic())
 
     def close(self, timeout: float = 5.0) -> bool:
-        """Draw what waits, end, and free the ports; returns whether that was done within ``timeout`` s."""
+        """Draw the waiting update, stop, and free the ports; return whether this took less than ``timeout`` s."""
         with self._wake:
             self._closing = True
             self._wake.notify()
-        self._pages.give_up()
+        self._pages.cancel_fetch()
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
-    def _take(self) -> LiveUpdate | None:
-        """Wait for the next update; None at the end."""
+    def _wait_for_update(self) -> LiveUpdate | None:
+        """Return the next update; None when the view is closed."""
         with self._wake:
             self._wake.wait_for(lambda: self._slot is not None or self._closing)
             update, self._slot = self._slot, None
@@ -137,27 +137,27 @@ class LiveView:
             self._draw(stream)
             stream.flush()
             stream.disconnect()
-        except Exception as error:  # noqa: BLE001 - the view may fail, the run may not: said, and shown no more
+        except Exception as error:  # noqa: BLE001 - a failure of the view must not stop the run
             self._failure = f"the live view stopped: {error}"
         finally:
             self._pages.close()
 
     def _draw(self, stream: rr.RecordingStream) -> None:
         presenter, run = None, None
-        while (update := self._take()) is not None:
+        while (update := self._wait_for_update()) is not None:
             started = time.monotonic()
             if presenter is None or update.header.run != run:
                 presenter, run = Presenter(stream, update.header), update.header.run
                 stream.send_blueprint(operator_blueprint(update.header), make_active=True, make_default=True)
             status = replace(update.status, dropped_updates=self._dropped)
             presenter.show(replace(update, status=status))
-            rest = _SHORTEST - (time.monotonic() - started)
+            rest = _MIN_INTERVAL - (time.monotonic() - started)
             if rest > 0.0 and not self._closing:
                 time.sleep(rest)
 
 
 def _usable_port(host: str, port: int) -> int:
-    """Return ``port``, or a free one for 0; ServiceError where it cannot be listened on."""
+    """Return ``port``, or a free one for 0; ServiceError where it is not available."""
     try:
         with socket.create_server((host, port)) as probe:
             number: int = probe.getsockname()[1]

@@ -1,7 +1,4 @@
-"""Turns live updates of a run into what the viewer draws; the same live and in replay.
-
-What stands where on the operator's screen.
-"""
+"""Layout of the live view, and logging of live updates to rerun; the same live and in replay."""
 
 from collections.abc import Callable, Hashable
 
@@ -14,45 +11,45 @@ from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, 
 from daq.view.bode import BodePlot
 from daq.view.drawing import Drawing
 from daq.view.orbit import OrbitPlot
-from daq.view.palette import PAPER
+from daq.view.palette import BACKGROUND
 from daq.view.spectral_maps import CascadePlot, WaterfallPlot
 from daq.view.spectrum import SpectrumPlot
-from daq.view.status_text import details, words
+from daq.view.status_text import details, signal_table
 from daq.view.traces import TracePlot, TrendPlot
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
 
 
 def timeline(header: RunHeader) -> str:
-    """Return the name of the timeline on which a run is shown: its sample time."""
+    """Return the name of a run's timeline, which is its sample time."""
     return f"time in {header.run}"
 
 
 def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
-    """Return the layout for a run: status over orbit, spectrum and cascade over Bode plot, traces and words."""
+    """Return the layout for a run: banner; orbit, spectrum, cascade; Bode plot, traces, signals."""
     return rrb.Blueprint(
         rrb.Vertical(
-            _drawn("banner", "Rig", banner.BOUNDS, titlebar=False),
+            _view_2d("banner", "Rig", banner.BOUNDS, titlebar=False),
             rrb.Horizontal(
-                _drawn("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
-                _drawn("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
+                _view_2d("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
+                _view_2d("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
                 rrb.Tabs(
-                    _drawn("cascade", "Cascade (spectra over speed, r/min)", spectral_maps.MAP_BOUNDS),
-                    _drawn("waterfall", "Waterfall (spectra over time, s)", spectral_maps.MAP_BOUNDS),
+                    _view_2d("cascade", "Cascade (spectra over speed, r/min)", spectral_maps.MAP_BOUNDS),
+                    _view_2d("waterfall", "Waterfall (spectra over time, s)", spectral_maps.MAP_BOUNDS),
                     active_tab=0,
                 ),
                 column_shares=[1.05, 1.35, 1.4],
             ),
             rrb.Horizontal(
-                _drawn("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
+                _view_2d("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
                 rrb.Tabs(
-                    _drawn("traces", "Traces (µm and V over ms)", traces.TRACE_BOUNDS),
-                    _drawn("trend", "Trend (µm peak-to-peak and r/min over time)", traces.TREND_BOUNDS),
+                    _view_2d("traces", "Traces (µm and V over ms)", traces.TRACE_BOUNDS),
+                    _view_2d("trend", "Trend (µm peak-to-peak and r/min over time)", traces.TREND_BOUNDS),
                     active_tab=0,
                 ),
                 rrb.Tabs(
-                    _drawn("words", "Signals", status_text.BOUNDS),
-                    rrb.TextDocumentView(origin="/details", name="In words"),
+                    _view_2d("signals", "Signals", status_text.BOUNDS),
+                    rrb.TextDocumentView(origin="/details", name="Details"),
                     active_tab=0,
                 ),
                 column_shares=[1.25, 1.25, 1.1],
@@ -68,38 +65,38 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
     )
 
 
-def _drawn(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) -> rrb.Spatial2DView:
+def _view_2d(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) -> rrb.Spatial2DView:
     across, down = bounds
     return rrb.Spatial2DView(
         origin=f"/{origin}",
         name=name,
         titlebar=titlebar,
-        background=PAPER,
+        background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(x_range=across, y_range=down),
     )
 
 
-_UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # what is drawn over what
-# Every how many updates, of ten a second, things are drawn. A browser without a graphics card takes in some twenty-five
-# pieces a second and never leaves one out: whatever is sent beyond that is seen late.
+_UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # draw order
+# Plots are drawn every so many updates, of ten per second. A browser without a graphics card draws about 25 entities
+# per second and skips none, so that sending more delays the display.
 _FAST = 3  # orbit and banner
 _MIDDLE = 6  # spectra, traces, signals
 _SLOW = 12  # cascade and Bode plot
-_SLOWEST = 24  # what stands in the background: waterfall, trends, words
-_REPEAT = 50  # so often axes are sent again, for who looks in late and for whom the oldest was dropped
+_SLOWEST = 24  # waterfall, trend, details
+_REPEAT = 50  # updates between repeated axes, for late viewers whose oldest data was dropped
 
 
 class Presenter:
-    """Shows one run on one stream.
+    """Logs the live updates of one run to one stream.
 
-    Not for more than one thread. What it keeps does not grow with the length of the run.
+    Not thread-safe. Memory does not grow with the length of the run.
 
     Parameters
     ----------
     stream : rerun.RecordingStream
-        Where it is logged.
+        Stream of the viewer.
     header : RunHeader
-        The run. Its sample time is a timeline of its own, so that what a run before it left in the viewer is not seen.
+        Header of the run. Each run has its own timeline, which hides data of previous runs in the viewer.
     """
 
     def __init__(self, stream: rr.RecordingStream, header: RunHeader) -> None:
@@ -117,7 +114,7 @@ class Presenter:
         self._model_points = header.settings.points_per_revolution
 
     def show(self, update: LiveUpdate) -> None:
-        """Log what is due of an update, at its time in the run."""
+        """Log the plots that are due for an update."""
         self._stream.set_time(self._timeline, duration=update.status.elapsed)
         snapshot = update.snapshot
         if snapshot is not None:
@@ -131,7 +128,7 @@ class Presenter:
         if self._count % _MIDDLE == 0:
             self._show_spectrum(update)
             self._show_traces(update)
-            words(update).log(self._stream, "words")
+            signal_table(update).log(self._stream, "signals")
         if self._count % _SLOW == 0:
             self._show_by_speed(update)
         if self._count % _SLOWEST == 0:
@@ -151,8 +148,8 @@ class Presenter:
         self._axes("spectrum/axes", self._spectrum.follow(order_frame, update.prediction), self._spectrum.axes)
         self._spectrum.model(update.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
         self._spectrum.measured(order_frame).log(self._stream, "spectrum/measured", draw_order=_TOP)
-        names = self._spectrum.names(order_frame, update.prediction)
-        names.log(self._stream, "spectrum/names", draw_order=_TOP + 1.0)
+        labels = self._spectrum.labels(order_frame, update.prediction)
+        labels.log(self._stream, "spectrum/labels", draw_order=_TOP + 1.0)
 
     def _show_traces(self, update: LiveUpdate) -> None:
         self._axes("traces/axes", self._traces.follow(update.snapshot), self._traces.axes)
@@ -179,7 +176,7 @@ class Presenter:
         self._trend.lines(elapsed, update.status.markers).log(self._stream, "trend/lines", draw_order=_OVER)
 
     def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
-        """Log a plot's frame where its scale has changed, and now and then."""
+        """Log the axes of a plot when its scale has changed, and every `_REPEAT` updates."""
         state_before, count = self._shown.get(path, (None, -_REPEAT))
         if state != state_before or self._count - count >= _REPEAT:
             draw().log(self._stream, path, draw_order=_UNDER)

@@ -1,8 +1,4 @@
-"""The waterfall: the order spectra of the last minute against time, the predicted whirl drawn over them.
-
-Order spectra as colours in a plot with axes: what waterfall and cascade have in common.
-The cascade: order spectra against speed as colours, the predicted whirl drawn over them.
-"""
+"""Cascade and waterfall: order spectra over speed or time as colours, with the predicted whirl."""
 
 import math
 from collections import deque
@@ -18,48 +14,50 @@ from analysis.spectra.waterfall import Cascade, Waterfall
 from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
 from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import CLEARANCE, MODEL, QUIET, TEXT, dimmed, shades
-from daq.view.traces import draw_level
+from daq.view.palette import CLEARANCE, LABEL, MODEL, TEXT, dimmed, shades
+from daq.view.traces import draw_horizontal_marker
 from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
 
 HIGHEST_ORDER = 2.5
-FAINTEST, BRIGHTEST = 0.1, 50.0  # µm peak: the ends of the colours, which are logarithmic
+MIN_AMPLITUDE, MAX_AMPLITUDE = 0.1, 50.0  # µm peak: ends of the logarithmic colour scale
 COLUMNS, ROWS = 150, 100
-LETTERS = 3.9
+FONT_SIZE = 3.9
 MAP_BOUNDS = ((-24.0, 172.0), (-12.0, 118.0))
 _MICRO = 1e6
 _ORDERS = (np.arange(COLUMNS) + 0.5) * HIGHEST_ORDER / COLUMNS
 
 
-def map_plot(upright: Axis) -> Plot:
-    """Return the plot over orders with this upright axis; one dot of its picture is one unit of the plane."""
-    return Plot(0.0, 0.0, float(COLUMNS), float(ROWS), Axis(0.0, HIGHEST_ORDER, "order, X"), upright, letters=LETTERS)
+def map_plot(y_axis: Axis) -> Plot:
+    """Return the plot over orders with this y axis; one pixel of the image is one unit of the plane."""
+    return Plot(
+        0.0, 0.0, float(COLUMNS), float(ROWS), Axis(0.0, HIGHEST_ORDER, "order, X"), y_axis, font_size=FONT_SIZE
+    )
 
 
 def map_axes(plot: Plot) -> Drawing:
-    """Return frame, numbers, lines at 0.5X, 1X and 2X, and the scale of the colours."""
+    """Return axes, lines at 0.5X, 1X and 2X, and the colour scale."""
     drawing = Drawing()
     plot.draw_frame(drawing, grid=False)
     for order in (0.5, 1.0, 2.0):
         drawing.line(plot.place([order, order], [plot.y.low, plot.y.high]), dimmed(CLEARANCE, 0.35), 0.25, 1.5)
-    drawing.text("colour: µm peak", (float(COLUMNS), -0.8 * LETTERS), LETTERS, QUIET, Anchor.RIGHT)
+    drawing.text("colour: µm peak", (float(COLUMNS), -0.8 * FONT_SIZE), FONT_SIZE, LABEL, Anchor.RIGHT)
     left, steps = COLUMNS + 4.5, 40
     for step, (red, green, blue) in enumerate(shades(np.linspace(0.0, 1.0, steps))):
         bottom = ROWS * (1.0 - step / steps)
         drawing.line([(left, bottom), (left, bottom - ROWS / steps)], (int(red), int(green), int(blue), 255), 3.0)
     for value in (0.1, 1.0, 10.0, 50.0):
-        bottom = ROWS * (1.0 - math.log(value / FAINTEST) / math.log(BRIGHTEST / FAINTEST))
-        drawing.text(f"{value:g}", (left + 3.5, bottom + 0.5 * LETTERS), LETTERS, QUIET)
+        bottom = ROWS * (1.0 - math.log(value / MIN_AMPLITUDE) / math.log(MAX_AMPLITUDE / MIN_AMPLITUDE))
+        drawing.text(f"{value:g}", (left + 3.5, bottom + 0.5 * FONT_SIZE), FONT_SIZE, LABEL)
     return drawing
 
 
 def map_picture(orders: FloatArray, amplitudes: FloatArray) -> rr.Image:
-    """Return amplitudes of shape (`ROWS`, n_orders), m peak, the lowest row first, as colours."""
+    """Return amplitudes of shape (`ROWS`, n_orders), m peak, lowest row first, as a colour image."""
     level = np.stack([np.interp(_ORDERS, orders, row) for row in amplitudes]) * _MICRO
     with np.errstate(divide="ignore"):
-        level = np.log(level / FAINTEST) / math.log(BRIGHTEST / FAINTEST)
+        level = np.log(level / MIN_AMPLITUDE) / math.log(MAX_AMPLITUDE / MIN_AMPLITUDE)
     return rr.Image(np.ascontiguousarray(shades(level)[::-1]), color_model="RGB")
 
 
@@ -67,14 +65,14 @@ _TO_RPM = 30.0 / math.pi
 
 
 class CascadePlot:
-    """Collects spectra by speed and draws them.
+    """Cascade of one run.
 
-    The highest amplitude seen at a speed stays, so that a coast-down does not wipe out the run-up.
+    The largest amplitude at each speed is kept, so that a coast-down does not overwrite the run-up.
 
     Parameters
     ----------
     header : RunHeader
-        Gives the highest speed and the spectra's orders.
+        Header with the highest speed and the orders of the spectra.
     """
 
     def __init__(self, header: RunHeader) -> None:
@@ -85,29 +83,29 @@ class CascadePlot:
         self._row_width = top / ROWS
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None) -> None:
-        """Take what a moment has to say of its speed."""
+        """Add the spectrum of a snapshot and the predicted whirl."""
         self._cascade.add_snapshot(snapshot)
         if prediction is not None and 0.0 <= prediction.speed < ROWS * self._row_width:
             whirls = prediction.whirl_amplitude > 0.0
             self._predicted[int(prediction.speed / self._row_width)] = prediction.whirl_order if whirls else np.nan
 
     def axes(self) -> Drawing:
-        """Return frame, numbers, and the scale of the colours."""
+        """Return axes and colour scale."""
         return map_axes(self._plot)
 
     def picture(self) -> rr.Image:
-        """Return the colours."""
+        """Return the spectra as a colour image."""
         return map_picture(self._cascade.orders, self._cascade.amplitudes[_nearest(self._cascade.filled)])
 
     def lines(self, frame: OrderFrame | None) -> Drawing:
-        """Return the predicted whirl against speed and a line at the speed of now."""
+        """Return the predicted whirl over speed and a line at the present speed."""
         drawing = Drawing()
         speeds = self._cascade.speeds * _TO_RPM
         drawing.line(self._plot.place(self._predicted[_nearest(self._cascade.filled)], speeds), MODEL, 0.9)
         known = np.flatnonzero(np.isfinite(self._predicted))
         if known.size:
             at = self._plot.place(self._predicted[known[-1:]], speeds[known[-1:]])[0]
-            drawing.text("model", (float(at[0]) + 2.0, float(at[1])), LETTERS, MODEL)
+            drawing.text("model", (float(at[0]) + 2.0, float(at[1])), FONT_SIZE, MODEL)
         if frame is not None:
             speed = frame.speed * _TO_RPM
             drawing.line(self._plot.place([0.0, HIGHEST_ORDER], [speed, speed]), dimmed(TEXT, 0.6), 0.35)
@@ -115,7 +113,7 @@ class CascadePlot:
 
 
 def _nearest(filled: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return which row is shown in each: its own, or the nearest where the shaft just ran past it."""
+    """Return the row shown in each row: itself, or the nearest filled one in a gap of few rows."""
     rows = np.arange(filled.size)
     known = np.flatnonzero(filled)
     if not known.size:
@@ -131,12 +129,12 @@ _SPAN = 60.0  # s
 
 
 class WaterfallPlot:
-    """Collects the spectra of the last minute and draws them, the newest at the top.
+    """Waterfall of the last minute, the newest spectrum at the top.
 
     Parameters
     ----------
     header : RunHeader
-        Gives the spectra's orders.
+        Header with the orders of the spectra.
     """
 
     def __init__(self, header: RunHeader) -> None:
@@ -145,29 +143,29 @@ class WaterfallPlot:
         self._predicted: deque[tuple[float, float]] = deque(maxlen=4 * ROWS)  # time in the run, s, and order
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None, elapsed: float) -> None:
-        """Take what there is to say at a time ``elapsed``, s, of the run."""
+        """Add the spectrum of a snapshot and the predicted whirl at a run time, s."""
         self._waterfall.add_snapshot(snapshot)
         whirls = prediction is not None and prediction.whirl_amplitude > 0.0
         self._predicted.append((elapsed, prediction.whirl_order if prediction is not None and whirls else math.nan))
 
     def axes(self) -> Drawing:
-        """Return frame, numbers, and the scale of the colours."""
+        """Return axes and colour scale."""
         return map_axes(self._plot)
 
     def picture(self) -> rr.Image:
-        """Return the colours."""
+        """Return the spectra as a colour image."""
         return map_picture(self._waterfall.orders, self._waterfall.amplitudes)
 
     def lines(self, elapsed: float, markers: Sequence[TimedMarker] = ()) -> Drawing:
-        """Return the predicted whirl of the last minute, and its markers."""
+        """Return the predicted whirl and the markers of the last minute."""
         drawing = Drawing()
         recent = np.array([(order, time - elapsed) for time, order in self._predicted if time >= elapsed - _SPAN])
         if recent.size:
             drawing.line(self._plot.place(recent[:, 0], recent[:, 1]), MODEL, 0.9)
             if math.isfinite(recent[-1, 0]):
                 at = self._plot.place(recent[-1:, 0], recent[-1:, 1])[0]
-                drawing.text("model", (float(at[0]) + 2.0, float(at[1]) + 1.5 * LETTERS), LETTERS, MODEL)
+                drawing.text("model", (float(at[0]) + 2.0, float(at[1]) + 1.5 * FONT_SIZE), FONT_SIZE, MODEL)
         for marker in markers:
             if elapsed - _SPAN <= marker.elapsed <= elapsed:
-                draw_level(drawing, self._plot, marker.elapsed - elapsed, marker)
+                draw_horizontal_marker(drawing, self._plot, marker.elapsed - elapsed, marker)
         return drawing

@@ -1,4 +1,4 @@
-"""The order spectrum, measured at both probes and predicted, with its lines named."""
+"""Order spectrum plot: measured at both probes and predicted, with labelled lines."""
 
 import math
 from collections.abc import Iterator
@@ -7,44 +7,45 @@ from typing import TypeAlias
 import numpy as np
 
 from analysis.signals.snapshot import OrderFrame
-from daq.view.axes import Axis, Plot, Reach
-from daq.view.drawing import Anchor, Drawing, text_width
+from daq.view.axes import AutoScale, Axis, Plot
+from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
 from daq.view.status_text import micrometres
+from daq.view.stroke_font import text_width
 from model.prediction.prediction_map import Prediction
 
 BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
 HIGHEST_ORDER = 3.0
-LETTERS = 7.5
-_LINE = 1.4 * LETTERS  # from one name to the next above it
+FONT_SIZE = 7.5
+_LINE = 1.4 * FONT_SIZE  # line spacing of labels
 _MICRO = 1e6
 
-_Named: TypeAlias = tuple[float, float, str, Color]  # order, size in µm, name
-PlacedName: TypeAlias = tuple[float, float, str, Color]
-"""Left end and foot of a name in the plane, its letters and colour."""
+_Label: TypeAlias = tuple[float, float, str, Color]  # order, amplitude in µm, label
+PlacedLabel: TypeAlias = tuple[float, float, str, Color]
+"""Left end and baseline of a label in the plane, text and colour."""
 
 
 class SpectrumPlot:
-    """Draws order spectra of one run, µm peak over orders 0 to 3."""
+    """Order spectrum plot of one run, µm peak over orders 0 to 3."""
 
     def __init__(self) -> None:
-        self._reach = Reach(smallest=2.0)
+        self._scale = AutoScale(minimum=2.0)
 
     def follow(self, frame: OrderFrame | None, prediction: Prediction | None) -> float:
-        """Choose the scale for what is drawn next; returns its end, µm, by which a changed frame is known."""
+        """Update the scale; return its end, µm, to detect changed axes."""
         spectra = [np.abs(one.spectrum) for one in (frame, prediction) if one is not None and one.spectrum.size]
-        # a fifth is left above the highest line for its name
-        return self._reach.follow(1.2 * _MICRO * max((float(s.max()) for s in spectra), default=math.nan))
+        # a fifth above the highest line is for its label
+        return self._scale.follow(1.2 * _MICRO * max((float(s.max()) for s in spectra), default=math.nan))
 
     def axes(self) -> Drawing:
-        """Return frame, numbers and legend."""
+        """Return axes and legend."""
         drawing = Drawing()
         self._plot().draw_frame(drawing)
         for row, (name, color) in enumerate((("x", MEASURED_X), ("y", MEASURED_Y), ("model", MODEL))):
             at = 12.0 + 12.0 * row
-            drawing.text(name, (272.0, at), LETTERS, color, Anchor.RIGHT)
+            drawing.text(name, (272.0, at), FONT_SIZE, color, Anchor.RIGHT)
             dash = MODEL_DASH if name == "model" else 0.0
-            drawing.line([(276.0, at - 0.4 * LETTERS), (296.0, at - 0.4 * LETTERS)], color, 1.7, dash)
+            drawing.line([(276.0, at - 0.4 * FONT_SIZE), (296.0, at - 0.4 * FONT_SIZE)], color, 1.7, dash)
         return drawing
 
     def measured(self, frame: OrderFrame | None) -> Drawing:
@@ -72,31 +73,31 @@ class SpectrumPlot:
             drawing.line(plot.place(prediction.orders[shown], amplitude), dimmed(MODEL, share), width, MODEL_DASH)
         return drawing
 
-    def names(self, frame: OrderFrame | None, prediction: Prediction | None) -> Drawing:
-        """Return the names of 1X, 2X and what is below, measured and predicted."""
+    def labels(self, frame: OrderFrame | None, prediction: Prediction | None) -> Drawing:
+        """Return the labels of 1X, 2X and components below 1X, measured and predicted."""
         drawing = Drawing()
-        for left, bottom, name, color in self.placed_names(frame, prediction):
-            drawing.text(name, (left, bottom), LETTERS, color)
+        for left, bottom, name, color in self.placed_labels(frame, prediction):
+            drawing.text(name, (left, bottom), FONT_SIZE, color)
         return drawing
 
-    def placed_names(self, frame: OrderFrame | None, prediction: Prediction | None) -> list[PlacedName]:
-        """Return where each name stands: beside its line, the largest first, and above any that is there already."""
-        placed: list[PlacedName] = []
-        for order, size, name, color in sorted(self._named(frame, prediction), key=lambda one: -one[1]):
+    def placed_labels(self, frame: OrderFrame | None, prediction: Prediction | None) -> list[PlacedLabel]:
+        """Return the labels beside their lines, the largest first, moved up where they would overlap."""
+        placed: list[PlacedLabel] = []
+        for order, size, name, color in sorted(self._labels(frame, prediction), key=lambda one: -one[1]):
             left, bottom = (float(value) for value in self._plot().place([order], [size])[0] + (4.0, -2.0))
-            right = left + text_width(name) * LETTERS
-            for other in sorted(placed, key=lambda one: -one[1]):  # from below
-                apart = right < other[0] or other[0] + text_width(other[2]) * LETTERS < left
+            right = left + text_width(name) * FONT_SIZE
+            for other in sorted(placed, key=lambda one: -one[1]):  # from the lowest
+                apart = right < other[0] or other[0] + text_width(other[2]) * FONT_SIZE < left
                 if not apart and abs(bottom - other[1]) < _LINE:
                     bottom = other[1] - _LINE
             placed.append((left, bottom, name, color))
         return placed
 
-    def _named(self, frame: OrderFrame | None, prediction: Prediction | None) -> Iterator[_Named]:
+    def _labels(self, frame: OrderFrame | None, prediction: Prediction | None) -> Iterator[_Label]:
         if frame is not None and frame.orders.size:
             for order, vector in ((1, frame.vectors[0]), (2, frame.vectors[1])):
                 size = float(np.abs(vector).max())
-                if size * _MICRO > 0.02 * self._reach.end:
+                if size * _MICRO > 0.02 * self._scale.end:
                     yield order, size * _MICRO, f"{order}X {micrometres(size)}", TEXT
             for whirl in frame.whirls:
                 size = float(np.abs(whirl.vectors).max()) * _MICRO
@@ -107,5 +108,5 @@ class SpectrumPlot:
             yield prediction.whirl_order, size * _MICRO, name, MODEL
 
     def _plot(self) -> Plot:
-        axes = Axis(0.0, HIGHEST_ORDER, "order, X", ticks=6), Axis(0.0, self._reach.end, "amplitude, µm peak")
-        return Plot(0.0, 0.0, 300.0, 180.0, *axes, letters=LETTERS)
+        axes = Axis(0.0, HIGHEST_ORDER, "order, X", ticks=6), Axis(0.0, self._scale.end, "amplitude, µm peak")
+        return Plot(0.0, 0.0, 300.0, 180.0, *axes, font_size=FONT_SIZE)

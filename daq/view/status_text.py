@@ -1,8 +1,4 @@
-"""The table beside the plots: what moves below 1X, 1X and 2X beside the model's, and the state of every signal.
-
-How quantities are written for the operator.
-The page of text beside the plots: everything that is known, in words.
-"""
+"""Status texts of the live view: formatted quantities, details page and signal table."""
 
 import cmath
 import math
@@ -14,8 +10,9 @@ from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
 from daq.session.live_update import LiveUpdate
 from daq.view.bode import phase_lag
-from daq.view.drawing import Anchor, Drawing, text_width
-from daq.view.palette import ALARM, FRAME, GOOD, MEASURED_X, MEASURED_Y, MODEL, QUIET, TEXT, Color
+from daq.view.drawing import Anchor, Drawing
+from daq.view.palette import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
+from daq.view.stroke_font import text_width
 from model.prediction.prediction_map import Prediction
 
 
@@ -34,7 +31,7 @@ def clock(elapsed: float) -> str:
 
 
 def worst_alarm(alarms: Sequence[Alarm]) -> str:
-    """Return the alarm that passed the worst limit by most, as DANGER x 96 µm or ALARM 1X y 24 µm."""
+    """Return the text of the worst alarm, such as DANGER x 96 µm or ALARM 1X y 24 µm."""
     worst = max(alarms, key=lambda alarm: (alarm.severity.rank, alarm.largest / alarm.limit))
     word = worst.severity.value.upper()
     if worst.quantity is MonitoredQuantity.SPEED:
@@ -43,25 +40,25 @@ def worst_alarm(alarms: Sequence[Alarm]) -> str:
     return f"{word} {which}{worst.probe} {worst.largest * 1e6:.0f} µm"
 
 
-def hours(left: float) -> str:
-    """Return how long the disk lasts, s, as 41 h or 25 min."""
+def disk_time(left: float) -> str:
+    """Return the remaining time until the disk is full, s, as 41 h or 25 min."""
     if not math.isfinite(left):
         return "not written"
     return f"{left / 3600.0:,.0f} h" if left >= 7200.0 else f"{left / 60.0:.0f} min"
 
 
 def micrometres(length: float) -> str:
-    """Return a length, m, in µm with as many digits as can be trusted at a glance."""
+    """Return a length, m, in µm with two or three significant digits."""
     return f"{length * 1e6:.0f} µm" if abs(length) >= 9.95e-6 else f"{length * 1e6:.1f} µm"
 
 
 def basis(prediction: Prediction) -> str:
-    """Return what a prediction is in a word: integrated at exactly its speed, or interpolated between others."""
+    """Return whether a prediction is integrated at its speed or interpolated, as text."""
     return f"exact at {rpm(prediction.speed)} r/min" if prediction.is_exact else "interpolated"
 
 
 def sigma(value: float) -> str:
-    """Return a standard deviation, any unit, with the one digit that counts."""
+    """Return a standard deviation with one significant digit."""
     return f"{float(f'{max(value, 0.001):.1g}'):g}"
 
 
@@ -73,39 +70,39 @@ def vector(value: complex) -> str:
 _LAST_LATIN = 0x24F
 
 
-def legible(text: str) -> str:
-    """Return the text with a question mark for every letter that the viewer's only fount lacks.
+def replace_unprintable(text: str) -> str:
+    """Return the text with question marks for characters that the viewer's font lacks.
 
-    The viewer may break down over such a letter, and names, notes and messages come from outside.
+    The viewer may fail on such a character, and names, notes and messages come from outside.
     """
     return "".join(c if c == "\n" or (c.isprintable() and ord(c) <= _LAST_LATIN) or c in "–—…" else "?" for c in text)
 
 
 def details(update: LiveUpdate) -> str:
-    """Return the page for one moment, markdown."""
+    """Return the details page of a live update, Markdown."""
     lines = [f"# {_below_synchronous(update)}", "", "| | x | y |", "|---|---|---|"]
     if update.snapshot is not None:
         lines += _shaft(update, update.snapshot)
     lines += ["", *_system(update)]
-    return legible("\n".join(lines))
+    return replace_unprintable("\n".join(lines))
 
 
 def _below_synchronous(update: LiveUpdate) -> str:
-    """Say what moves below 1X, and what the model expects there."""
+    """Return the measured and predicted components below 1X as text."""
     order_frame = update.snapshot.frame if update.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
-    said = "nothing below 1X" if order_frame is not None else "no spectrum yet"
+    text = "nothing below 1X" if order_frame is not None else "no spectrum yet"
     if whirl is not None:
         way = "forward" if whirl.is_forward else "backward"
-        said = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"
+        text = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}"
     for other in () if order_frame is None else order_frame.whirls[1:]:
-        said += f", {other.order:.2f}X {micrometres(other.amplitude)} {'forward' if other.is_forward else 'backward'}"
+        text += f", {other.order:.2f}X {micrometres(other.amplitude)} {'forward' if other.is_forward else 'backward'}"
     prediction = update.prediction
     if prediction is None:
-        return said
+        return text
     if prediction.whirl_amplitude > 0.0:
-        return f"{said} (model {prediction.whirl_order:.2f}X {micrometres(prediction.whirl_amplitude)})"
-    return f"{said} (model: none)"
+        return f"{text} (model {prediction.whirl_order:.2f}X {micrometres(prediction.whirl_amplitude)})"
+    return f"{text} (model: none)"
 
 
 def _shaft(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
@@ -141,10 +138,11 @@ def _system(update: LiveUpdate) -> list[str]:
     if status.detail:
         lines.append(f"**{status.detail}**")
     lines.append(
-        f"- **{status.samples:,}** samples a channel, lost **{_lost(update)}**, backlog {status.backlog:.2f} s"
+        f"- **{status.samples:,}** samples per channel, lost **{_lost(update)}**, backlog {status.backlog:.2f} s"
     )
     lines.append(
-        f"- disk {hours(status.disk_left)}; not analysed live {status.skipped:,}; not drawn {status.dropped_updates:,}"
+        f"- disk {disk_time(status.disk_left)}; not analysed live {status.skipped:,}; "
+        f"not drawn {status.dropped_updates:,}"
     )
     if update.snapshot is not None:
         lines += _signals(update, update.snapshot)
@@ -162,10 +160,10 @@ def _signals(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
     speed = f"{rpm(snapshot.speed)} r/min" if math.isfinite(snapshot.speed) else "no speed"
     lines = [f"- tacho {state}, {speed}, {tacho.pulses:,} pulses, {tacho.filled} filled in, {tacho.rejected} rejected"]
     if tacho.phase_reference_is_arbitrary:
-        lines.append("- its marks cannot be told apart: phases are from the first one seen")
+        lines.append("- keyphasor marks are indistinguishable: phases refer to the first one")
     if snapshot.counter is not None:
-        told = "; ".join(filter(None, (snapshot.counter.message, snapshot.counter.recent_message)))
-        compared = f"**{told}**" if told else "counter and samples agree"
+        difference = "; ".join(filter(None, (snapshot.counter.message, snapshot.counter.recent_message)))
+        compared = f"**{difference}**" if difference else "counter and samples agree"
         lines.append(f"- speed and phase from the {update.header.acquisition.tacho.reference}; {compared}")
     channels = update.header.acquisition.channels
     clipped = [f"{channel.name} {count:,}" for channel, count in zip(channels, snapshot.clipped, strict=True) if count]
@@ -176,10 +174,12 @@ def _signals(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
 def _model(prediction: Prediction | None) -> str:
     if prediction is None:
         return ""
-    said = f"; {basis(prediction)}"
+    text = f"; {basis(prediction)}"
     if math.isfinite(prediction.growth_rate):
-        said += "; film lets go at this speed" if prediction.growth_rate > 0.0 else "; film stable at this speed"
-    return said
+        text += (
+            "; oil film unstable at this speed" if prediction.growth_rate > 0.0 else "; oil film stable at this speed"
+        )
+    return text
 
 
 BOUNDS = ((0.0, 300.0), (0.0, 200.0))
@@ -187,21 +187,21 @@ _SIZE = 8.0
 _LEFT, _X, _Y = 4.0, 186.0, 296.0  # of the table: names, and the right ends of both columns
 
 
-def words(update: LiveUpdate) -> Drawing:
-    """Return the table for one moment."""
+def signal_table(update: LiveUpdate) -> Drawing:
+    """Return the signal table of a live update."""
     drawing = Drawing()
     order_frame = update.snapshot.frame if update.snapshot is not None else None
     whirl = order_frame.whirl if order_frame is not None else None
-    said, color = "nothing below 1X" if order_frame is not None else "no spectrum yet", QUIET
+    text, color = "nothing below 1X" if order_frame is not None else "no spectrum yet", LABEL
     if whirl is not None:
         way = "forward" if whirl.is_forward else "backward"
-        said, color = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}", TEXT
-    drawing.text(said, (_LEFT, 22.0), 13.0, color)
+        text, color = f"{whirl.order:.2f}X {micrometres(whirl.amplitude)} {way}", TEXT
+    drawing.text(text, (_LEFT, 22.0), 13.0, color)
     if order_frame is not None and len(order_frame.whirls) > 1:
         others = ", ".join(f"{one.order:.2f}X {micrometres(one.amplitude)}" for one in order_frame.whirls[1:])
         text = f"also {others}"
         drawing.text(text, (_Y, 39.0), min(_SIZE, 124.0 / text_width(text)), TEXT, Anchor.RIGHT)
-    drawing.text(_expected(update.prediction), (_LEFT, 39.0), _SIZE, MODEL)
+    drawing.text(_prediction_text(update.prediction), (_LEFT, 39.0), _SIZE, MODEL)
     drawing.line([(_LEFT, 46.0), (_Y, 46.0)], FRAME, 0.7)
     at = _vectors(drawing, update, 59.0) + 7.0
     drawing.line([(_LEFT, at - 13.0), (_Y, at - 13.0)], FRAME, 0.7)
@@ -209,16 +209,16 @@ def words(update: LiveUpdate) -> Drawing:
         at = _signal_rows(drawing, update, update.snapshot, at)
     status = update.status
     missed = f"not analysed live {status.skipped:,}   not drawn {status.dropped_updates:,}"
-    _line(drawing, at, missed, ALARM if status.skipped else QUIET)
+    _line(drawing, at, missed, ALARM if status.skipped else LABEL)
     basis_said = "" if update.prediction is None else f", {basis(update.prediction)}"
     _line(drawing, at + 14.0, f"model {status.model}{basis_said}", MODEL)
     return drawing
 
 
-def _expected(prediction: Prediction | None) -> str:
+def _prediction_text(prediction: Prediction | None) -> str:
     if prediction is None:
         return "model: no prediction"
-    stable = ", film let go" if prediction.growth_rate > 0.0 else ", film stable"
+    stable = ", film unstable" if prediction.growth_rate > 0.0 else ", film stable"
     if math.isnan(prediction.growth_rate):
         stable = ""
     if prediction.whirl_amplitude > 0.0:
@@ -227,9 +227,9 @@ def _expected(prediction: Prediction | None) -> str:
 
 
 def _vectors(drawing: Drawing, update: LiveUpdate, at: float) -> float:
-    """Write the vectors' table from line ``at`` on; return the line after it."""
+    """Draw the vectors from line ``at`` on; return the next line."""
     order_frame = update.snapshot.frame if update.snapshot is not None else None
-    drawing.text(f"peak, lag{_sure(order_frame)}", (_LEFT, at), _SIZE, QUIET)
+    drawing.text(f"peak, lag{_uncertainty(order_frame)}", (_LEFT, at), _SIZE, LABEL)
     drawing.text("x", (_X, at), _SIZE, MEASURED_X, Anchor.RIGHT)
     drawing.text("y", (_Y, at), _SIZE, MEASURED_Y, Anchor.RIGHT)
     known = order_frame is not None and order_frame.runout is not None
@@ -239,7 +239,7 @@ def _vectors(drawing: Drawing, update: LiveUpdate, at: float) -> float:
         motion = None if order_frame is None else order_frame.motion[order - 1]
         rows.append((name, TEXT, motion, (MEASURED_X, MEASURED_Y)))
         if known and order == 1 and order_frame is not None:
-            rows.append(("1X as measured", QUIET, order_frame.vectors[0], (QUIET, QUIET)))
+            rows.append(("1X as measured", LABEL, order_frame.vectors[0], (LABEL, LABEL)))
         predicted = None if update.prediction is None else update.prediction.vectors[order - 1]
         rows.append((f"{order}X model", MODEL, predicted, (MODEL, MODEL)))
     for name, ink, vectors, colors in rows:
@@ -251,8 +251,8 @@ def _vectors(drawing: Drawing, update: LiveUpdate, at: float) -> float:
     return at + 14.0
 
 
-def _sure(order_frame: OrderFrame | None) -> str:
-    """Say how sure 1X is, in standard deviations."""
+def _uncertainty(order_frame: OrderFrame | None) -> str:
+    """Return the standard deviations of 1X as text."""
     if order_frame is None or not math.isfinite(float(order_frame.compensated_sigma[0])):
         return ""
     amplitude, lag = order_frame.compensated_sigma[0] * 1e6, order_frame.compensated_phase_sigma[0].max()
@@ -260,8 +260,8 @@ def _sure(order_frame: OrderFrame | None) -> str:
 
 
 def _signal_rows(drawing: Drawing, update: LiveUpdate, snapshot: Snapshot, at: float) -> float:
-    """Write what is to be said of gaps, tacho and clipping from line ``at`` on; return the line after it."""
-    drawing.text("gap", (_LEFT, at), _SIZE, QUIET)
+    """Draw gap voltages, tacho and clipping from line ``at`` on; return the next line."""
+    drawing.text("gap", (_LEFT, at), _SIZE, LABEL)
     for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_ok, (_X, _Y), strict=True):
         text = f"{volts:.2f} V {'ok' if ok else 'OUT'}"
         drawing.text(text, (right, at), _SIZE, GOOD if ok else ALARM, Anchor.RIGHT)

@@ -1,8 +1,4 @@
-"""The last revolutions as a scope shows them: both probes and the tacho against time.
-
-Marks of a run, drawn at their moment: a line and its word.
-Overall vibration and speed over the last minutes, with what was marked.
-"""
+"""Plots over time with markers: waveforms of the last revolutions, and the trend of the last minutes."""
 
 import math
 from collections import deque
@@ -13,55 +9,58 @@ from numpy.typing import NDArray
 
 from analysis.signals.snapshot import Snapshot
 from daq.session.live_update import TimedMarker
-from daq.view.axes import Axis, Plot, Reach
-from daq.view.drawing import Anchor, Drawing, text_width
-from daq.view.palette import ALARM, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, QUIET, TACHO, TEXT, Color
+from daq.view.axes import AutoScale, Axis, Plot
+from daq.view.drawing import Anchor, Drawing
+from daq.view.palette import ALARM, LABEL, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, TEXT, Color
+from daq.view.stroke_font import text_width
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import MarkerKind
 
-_COLORS = {MarkerKind.WORD: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: QUIET}
-_FLAG_LETTERS = 26  # of a word, at most
+_COLORS = {MarkerKind.WORD: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}
+_MAX_LABEL_LENGTH = 26  # characters
 
 
-def draw_upright(drawing: Drawing, plots: Sequence[Plot], at: float, marker: TimedMarker) -> None:
-    """Draw a marker across plots that share their x axis, upright at ``at`` of it, its word in the first."""
-    color, word = _look(marker)
+def draw_vertical_marker(drawing: Drawing, plots: Sequence[Plot], at: float, marker: TimedMarker) -> None:
+    """Draw a vertical marker at ``at`` of the shared x axis of plots, with its label in the first."""
+    color, label = _style(marker)
     for plot in plots:
-        drawing.line(plot.place([at, at], [plot.y.low, plot.y.high]), color, 0.12 * plot.letters)
+        drawing.line(plot.place([at, at], [plot.y.low, plot.y.high]), color, 0.12 * plot.font_size)
     first = plots[0]
-    x, size = float(first.place(at, first.y.high)[0]), 0.85 * first.letters
-    if x - size * text_width(word) > first.left:
-        drawing.text(word, (x - 0.5 * size, first.top + 1.2 * size), size, color, Anchor.RIGHT)
+    x, size = float(first.place(at, first.y.high)[0]), 0.85 * first.font_size
+    if x - size * text_width(label) > first.left:
+        drawing.text(label, (x - 0.5 * size, first.top + 1.2 * size), size, color, Anchor.RIGHT)
     else:
-        drawing.text(word, (x + 0.5 * size, first.top + 1.2 * size), size, color)
+        drawing.text(label, (x + 0.5 * size, first.top + 1.2 * size), size, color)
 
 
-def draw_level(drawing: Drawing, plot: Plot, at: float, marker: TimedMarker) -> None:
-    """Draw a marker across a plot, level, at ``at`` of its y axis, its word above the line."""
-    color, word = _look(marker)
+def draw_horizontal_marker(drawing: Drawing, plot: Plot, at: float, marker: TimedMarker) -> None:
+    """Draw a horizontal marker at ``at`` of the y axis, with its label above."""
+    color, label = _style(marker)
     line = plot.place([plot.x.low, plot.x.high], [at, at])
-    drawing.line(line, color, 0.12 * plot.letters)
-    place = (float(line[1, 0]) - plot.letters, float(line[1, 1]) - 0.4 * plot.letters)
-    drawing.text(word, place, 0.85 * plot.letters, color, Anchor.RIGHT)
+    drawing.line(line, color, 0.12 * plot.font_size)
+    place = (float(line[1, 0]) - plot.font_size, float(line[1, 1]) - 0.4 * plot.font_size)
+    drawing.text(label, place, 0.85 * plot.font_size, color, Anchor.RIGHT)
 
 
-def _look(marker: TimedMarker) -> tuple[Color, str]:
+def _style(marker: TimedMarker) -> tuple[Color, str]:
     text = marker.marker.text
-    return _COLORS[marker.marker.kind], text if len(text) <= _FLAG_LETTERS else f"{text[: _FLAG_LETTERS - 3]}..."
+    return _COLORS[marker.marker.kind], text if len(
+        text
+    ) <= _MAX_LABEL_LENGTH else f"{text[: _MAX_LABEL_LENGTH - 3]}..."
 
 
 FloatArray = NDArray[np.float64]
 
 TRACE_BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
-_LETTERS = 7.0
+_FONT_SIZE = 7.0
 _MICRO = 1e6
-_POINTS = 600  # a line of more is not seen
+_POINTS = 600  # per curve; more are not visible
 _REVOLUTIONS = 6
 _SPANS = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0)  # s
 
 
-def thinned(values: FloatArray, points: int) -> tuple[NDArray[np.intp], FloatArray]:
-    """Return indices and values of at most ``points`` samples of (n,): lowest and highest of each stretch, in order."""
+def min_max_decimated(values: FloatArray, points: int) -> tuple[NDArray[np.intp], FloatArray]:
+    """Return indices and values of at most ``points`` samples of (n,): minimum and maximum of each block."""
     if values.size <= points:
         return np.arange(values.size), values
     stretch = math.ceil(2.0 * values.size / points)
@@ -72,37 +71,37 @@ def thinned(values: FloatArray, points: int) -> tuple[NDArray[np.intp], FloatArr
 
 
 class TracePlot:
-    """Draws traces of one run."""
+    """Waveform plot of one run: both probes and the tacho."""
 
     def __init__(self) -> None:
-        self._reach = Reach(smallest=5.0)
+        self._scale = AutoScale(minimum=5.0)
         self._span = _SPANS[0]
         self._volts = 5.0
 
     def follow(self, snapshot: Snapshot | None) -> tuple[float, float, float]:
-        """Choose the scales for what is drawn next; returns their ends, by which a changed frame is known."""
+        """Update the scales; return their ends, to detect changed axes."""
         if snapshot is not None and snapshot.trace.time.size > 1:
             trace = snapshot.trace
             turn = 2.0 * math.pi / snapshot.speed if snapshot.speed > 0.0 else math.inf
             wanted = min(_REVOLUTIONS * turn, float(trace.time[-1] - trace.time[0]))
             self._span = max((span for span in _SPANS if span <= 1.01 * wanted), default=_SPANS[0])
-            self._reach.follow(float(np.abs(trace.displacement).max()) * _MICRO)
+            self._scale.follow(float(np.abs(trace.displacement).max()) * _MICRO)
             self._volts = max(self._volts, math.ceil(float(np.abs(trace.tacho).max())))
-        return self._span, self._reach.end, self._volts
+        return self._span, self._scale.end, self._volts
 
     def axes(self) -> Drawing:
-        """Return both frames, numbers and legend."""
+        """Return axes and legend."""
         drawing = Drawing()
         upper, lower = self._plots()
         upper.draw_frame(drawing, numbers=False)
         lower.draw_frame(drawing)
         right = 296.0
         for name, color in (("y", MEASURED_Y), ("x", MEASURED_X)):
-            right -= drawing.text(name, (right, -0.8 * _LETTERS), _LETTERS, color, Anchor.RIGHT) + 8.0
+            right -= drawing.text(name, (right, -0.8 * _FONT_SIZE), _FONT_SIZE, color, Anchor.RIGHT) + 8.0
         return drawing
 
     def lines(self, snapshot: Snapshot | None, markers: Sequence[TimedMarker] = ()) -> Drawing:
-        """Return the three lines, and the markers that lie in what they show."""
+        """Return the waveforms and the markers in the time shown."""
         drawing = Drawing()
         if snapshot is None or snapshot.trace.time.size < 2:
             return drawing
@@ -112,41 +111,41 @@ class TracePlot:
         shown = since >= -self._span
         milliseconds = since[shown] * 1e3
         for row, color in ((1, MEASURED_Y), (0, MEASURED_X)):
-            index, values = thinned(trace.displacement[row, shown] * _MICRO, _POINTS)
+            index, values = min_max_decimated(trace.displacement[row, shown] * _MICRO, _POINTS)
             drawing.line(upper.place(milliseconds[index], values), color, 1.5)
-        index, values = thinned(trace.tacho[shown], _POINTS)
+        index, values = min_max_decimated(trace.tacho[shown], _POINTS)
         drawing.line(lower.place(milliseconds[index], values), TACHO, 1.3)
         for marker in markers:
             at = marker.time - float(trace.time[-1])
             if marker.marker.segment == snapshot.segment and -self._span <= at <= 0.0:
-                draw_upright(drawing, (upper, lower), at * 1e3, marker)
+                draw_vertical_marker(drawing, (upper, lower), at * 1e3, marker)
         return drawing
 
     def _plots(self) -> tuple[Plot, Plot]:
         time = Axis(-self._span * 1e3, 0.0, "time before now, ms", ticks=6)
-        end = self._reach.end
-        upper = Plot(0.0, 0.0, 300.0, 104.0, time, Axis(-end, end, "displacement, µm", ticks=4), letters=_LETTERS)
+        end = self._scale.end
+        upper = Plot(0.0, 0.0, 300.0, 104.0, time, Axis(-end, end, "displacement, µm", ticks=4), font_size=_FONT_SIZE)
         volts = Axis(min(0.0, -0.1 * self._volts), 1.1 * self._volts, "tacho, V", ticks=2)
-        return upper, Plot(0.0, 124.0, 300.0, 38.0, time, volts, letters=_LETTERS)
+        return upper, Plot(0.0, 124.0, 300.0, 38.0, time, volts, font_size=_FONT_SIZE)
 
 
 TREND_BOUNDS = ((-46.0, 316.0), (-15.0, 192.0))
-_TREND_LETTERS = 7.0
+_TREND_FONT_SIZE = 7.0
 _TO_RPM = 30.0 / math.pi
 _INTERVAL = 0.5  # s between two points; overall vibration is the largest between them
 _TREND_SPANS = (60.0, 300.0, 1800.0)  # s: the shortest that holds the run, or the longest
 
 
 class TrendPlot:
-    """Collects what a run's results come to and draws the last minutes, half an hour at most."""
+    """Trend of overall vibration and speed over the last minutes, up to half an hour."""
 
     def __init__(self) -> None:
         self._points: deque[tuple[float, ...]] = deque(maxlen=round(_TREND_SPANS[-1] / _INTERVAL))
-        self._reach = Reach(smallest=10.0)
-        self._speed_reach = Reach(smallest=1000.0)
+        self._scale = AutoScale(minimum=10.0)
+        self._speed_scale = AutoScale(minimum=1000.0)
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None, elapsed: float) -> None:
-        """Take what there is to say at a time ``elapsed``, s, of the run."""
+        """Add the values of a snapshot and a prediction at a run time, s."""
         x, y = (float(value) * _MICRO for value in snapshot.peak_to_peak)
         model = math.nan if prediction is None else float(prediction.peak_to_peak.max()) * _MICRO
         speed = snapshot.speed * _TO_RPM
@@ -157,26 +156,26 @@ class TrendPlot:
             self._points.append((elapsed, x, y, model, speed))
 
     def follow(self, elapsed: float) -> tuple[float, float, float]:
-        """Choose the scales for a time of the run, s; returns their ends, by which a changed frame is known."""
+        """Update the scales at a run time, s; return their ends, to detect changed axes."""
         points = self._shown(elapsed)
         if len(points):
-            self._reach.follow(float(np.nanmax(points[:, 1:4])))
-            self._speed_reach.follow(float(np.fmax.reduce(points[:, 4])))
-        return self._span(elapsed), self._reach.end, self._speed_reach.end
+            self._scale.follow(float(np.nanmax(points[:, 1:4])))
+            self._speed_scale.follow(float(np.fmax.reduce(points[:, 4])))
+        return self._span(elapsed), self._scale.end, self._speed_scale.end
 
     def axes(self, elapsed: float) -> Drawing:
-        """Return both frames, numbers and legend."""
+        """Return axes and legend."""
         drawing = Drawing()
         upper, lower = self._plots(elapsed)
         upper.draw_frame(drawing, numbers=False)
         lower.draw_frame(drawing)
         right = 296.0
         for name, color in (("model, larger of both", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X)):
-            right -= drawing.text(name, (right, -0.8 * _TREND_LETTERS), _TREND_LETTERS, color, Anchor.RIGHT) + 8.0
+            right -= drawing.text(name, (right, -0.8 * _TREND_FONT_SIZE), _TREND_FONT_SIZE, color, Anchor.RIGHT) + 8.0
         return drawing
 
     def lines(self, elapsed: float, markers: Sequence[TimedMarker]) -> Drawing:
-        """Return the lines up to a time of the run, s, and its markers."""
+        """Return the curves and markers up to a run time, s."""
         drawing = Drawing()
         upper, lower = self._plots(elapsed)
         span = self._span(elapsed)
@@ -189,17 +188,17 @@ class TrendPlot:
             (upper, 1, MEASURED_X, 0.0),
             (lower, 4, TEXT, 0.0),
         ):
-            index, values = thinned(points[:, column], _POINTS)
+            index, values = min_max_decimated(points[:, column], _POINTS)
             drawing.line(plot.place(since[index], values), color, 1.5, dash)
         for marker in markers:
             if elapsed - span <= marker.elapsed <= elapsed:
-                draw_upright(drawing, (upper, lower), (marker.elapsed - elapsed) / unit, marker)
+                draw_vertical_marker(drawing, (upper, lower), (marker.elapsed - elapsed) / unit, marker)
         return drawing
 
     def _shown(self, elapsed: float) -> FloatArray:
-        """Return the points in sight, shape (n, 5)."""
-        least = elapsed - self._span(elapsed)
-        return np.array([point for point in self._points if point[0] >= least]).reshape(-1, 5)
+        """Return the points in the time shown, shape (n, 5)."""
+        start = elapsed - self._span(elapsed)
+        return np.array([point for point in self._points if point[0] >= start]).reshape(-1, 5)
 
     @staticmethod
     def _span(elapsed: float) -> float:
@@ -210,7 +209,7 @@ class TrendPlot:
         in_minutes = span > _TREND_SPANS[0]
         length = span / 60.0 if in_minutes else span
         time = Axis(-length, 0.0, f"time before now, {'min' if in_minutes else 's'}", ticks=6)
-        overall = Axis(0.0, self._reach.end, "overall, µm peak-to-peak", ticks=4)
-        speed = Axis(0.0, self._speed_reach.end, "speed, r/min", ticks=3)
-        upper = Plot(0.0, 0.0, 300.0, 90.0, time, overall, letters=_TREND_LETTERS)
-        return upper, Plot(0.0, 110.0, 300.0, 52.0, time, speed, letters=_TREND_LETTERS)
+        overall = Axis(0.0, self._scale.end, "overall, µm peak-to-peak", ticks=4)
+        speed = Axis(0.0, self._speed_scale.end, "speed, r/min", ticks=3)
+        upper = Plot(0.0, 0.0, 300.0, 90.0, time, overall, font_size=_TREND_FONT_SIZE)
+        return upper, Plot(0.0, 110.0, 300.0, 52.0, time, speed, font_size=_TREND_FONT_SIZE)

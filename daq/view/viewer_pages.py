@@ -1,7 +1,7 @@
-"""The viewer's page, served where it was asked for and nowhere else, and kept from calling the outside world.
+"""Web server for the page of the rerun viewer, on the chosen address only and without requests to other hosts.
 
-rerun's own web server listens on every address of the machine, cannot be stopped, and its page asks for founts, news
-and telemetry. So the files are taken from it once, by a short-lived process of its own, and served from here.
+rerun's own web server listens on all addresses, cannot be stopped, and its page requests fonts, news and telemetry.
+Therefore its files are fetched once from a short-lived process and served here.
 """
 
 import contextlib
@@ -26,8 +26,8 @@ _TYPES = {
     "re_viewer.js": "text/javascript; charset=utf-8",
     "re_viewer_bg.wasm": "application/wasm",
 }
-_PATIENCE = 60.0  # s for the short-lived process
-_LOANER = """
+_TIMEOUT = 60.0  # s, for the short-lived process
+_SERVER_SCRIPT = """
 import socket, sys
 import rerun
 with socket.create_server(("127.0.0.1", 0)) as free:
@@ -38,64 +38,64 @@ sys.stdin.read()
 """
 
 
-def viewer_files(lent: Callable[[subprocess.Popen[bytes]], None] = lambda _: None) -> dict[str, bytes]:
-    """Return the files of the viewer that belongs to the installed rerun, by name.
+def viewer_files(on_server_start: Callable[[subprocess.Popen[bytes]], None] = lambda _: None) -> dict[str, bytes]:
+    """Return the files of the web viewer of the installed rerun, by name.
 
     Parameters
     ----------
     lent : callable, optional
-        Told of the process that lends them, where one is needed; who kills it ends the borrowing.
+        Called with the short-lived server process, where one is needed; killing it cancels the fetch.
 
     Raises
     ------
     ServiceError
-        They cannot be had.
+        The files are not available.
     """
     spec = importlib.util.find_spec("rerun")
     archive = Path(str(spec.origin)).parent / "web_viewer.zip" if spec is not None else None
-    if archive is not None and archive.is_file():  # some of rerun's packages hold them so
+    if archive is not None and archive.is_file():  # some rerun packages contain them as an archive
         with zipfile.ZipFile(archive) as packed:
             return {name: packed.read(name) for name in _TYPES}
-    loaner = subprocess.Popen(  # noqa: S603 - this program's own interpreter and the text above
-        [sys.executable, "-c", _LOANER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    server = subprocess.Popen(  # noqa: S603 - this program's own interpreter and the text above
+        [sys.executable, "-c", _SERVER_SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
-    with loaner:
+    with server:
         try:
-            lent(loaner)
-            return _borrowed(loaner)
+            on_server_start(server)
+            return _fetch_files(server)
         finally:
-            loaner.kill()
+            server.kill()
 
 
-def _borrowed(loaner: subprocess.Popen[bytes]) -> dict[str, bytes]:
+def _fetch_files(server: subprocess.Popen[bytes]) -> dict[str, bytes]:
     """Fetch the files from rerun's web server in a process that prints its port."""
-    watch = threading.Timer(_PATIENCE, loaner.kill)
-    watch.daemon = True  # it must not hold up the end of the program
+    watch = threading.Timer(_TIMEOUT, server.kill)
+    watch.daemon = True  # must not delay the exit of the program
     watch.start()
     try:
-        port = loaner.stdout.readline().decode().strip() if loaner.stdout is not None else ""
+        port = server.stdout.readline().decode().strip() if server.stdout is not None else ""
         if not port.isdigit():
-            raise ServiceError("the live view's page cannot be had: rerun's web viewer did not start")
-        deadline = time.monotonic() + _PATIENCE
-        return {name: _fetched(f"http://127.0.0.1:{port}/{name}", loaner, deadline) for name in _TYPES}
+            raise ServiceError("the page of the live view is not available: rerun's web viewer did not start")
+        deadline = time.monotonic() + _TIMEOUT
+        return {name: _fetch(f"http://127.0.0.1:{port}/{name}", server, deadline) for name in _TYPES}
     finally:
         watch.cancel()
 
 
-def _fetched(url: str, loaner: subprocess.Popen[bytes], deadline: float) -> bytes:
+def _fetch(url: str, server: subprocess.Popen[bytes], deadline: float) -> bytes:
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     while True:
         try:
-            with opener.open(url, timeout=10.0) as answer:
-                return bytes(answer.read())
+            with opener.open(url, timeout=10.0) as response:
+                return bytes(response.read())
         except (urllib.error.URLError, ConnectionError) as error:
-            if time.monotonic() > deadline or loaner.poll() is not None:
-                raise ServiceError(f"the live view's page cannot be had: {error}") from error
+            if time.monotonic() > deadline or server.poll() is not None:
+                raise ServiceError(f"the page of the live view is not available: {error}") from error
             time.sleep(0.05)
 
 
-class _Answer(BaseHTTPRequestHandler):
-    """Answers one request for a file of the viewer."""
+class _FileHandler(BaseHTTPRequestHandler):
+    """Request handler for the files of the viewer."""
 
     protocol_version = "HTTP/1.1"
 
@@ -105,17 +105,17 @@ class _Answer(BaseHTTPRequestHandler):
         super().__init__(*arguments)  # type: ignore[arg-type]  # socketserver hands them through
 
     def do_GET(self) -> None:
-        """Answer with the file."""
-        self._answer(body=True)
+        """Send the file."""
+        self._respond(body=True)
 
     def do_HEAD(self) -> None:
-        """Answer with the file's size."""
-        self._answer(body=False)
+        """Send the headers of the file."""
+        self._respond(body=False)
 
     def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
-        """Say nothing: the terminal is the operator's."""
+        """Log nothing, to keep the terminal free for the operator."""
 
-    def _answer(self, *, body: bool) -> None:
+    def _respond(self, *, body: bool) -> None:
         name = self.path.partition("?")[0].lstrip("/") or "index.html"
         content = self._files.get(name)
         self.send_response(404 if content is None else 200)
@@ -131,9 +131,9 @@ class _Answer(BaseHTTPRequestHandler):
 
 
 class ViewerPages:
-    """Serves the viewer's page.
+    """Web server of the viewer's page.
 
-    The port is listened on at once; requests wait until `serve`.
+    It listens at once; requests wait until `serve`.
 
     Parameters
     ----------
@@ -145,34 +145,34 @@ class ViewerPages:
     Raises
     ------
     ServiceError
-        The port cannot be listened on.
+        The port is not available.
     """
 
     def __init__(self, host: str, port: int) -> None:
         self._files: dict[str, bytes] = {}
         self._policy = ""
         try:
-            self._server = ThreadingHTTPServer((host, port), self._handler)
+            self._http = ThreadingHTTPServer((host, port), self._handler)
         except OSError as error:
             reason = error.strerror or error
             raise ServiceError(
                 f"port {port} on {host} for the live view's page: {reason}; choose another, or 0"
             ) from error
-        self._server.daemon_threads = True
+        self._http.daemon_threads = True
         self._thread: threading.Thread | None = None
-        self._begun = threading.Event()
+        self._is_ready = threading.Event()
         self._changing = threading.Lock()
         self._is_closing = False
-        self._loaner: subprocess.Popen[bytes] | None = None
+        self._file_server: subprocess.Popen[bytes] | None = None
         self.failure = ""
 
     @property
     def port(self) -> int:
-        """Port it listens on."""
-        return int(self._server.server_address[1])
+        """Port of the server."""
+        return int(self._http.server_address[1])
 
     def serve(self, data_origins: list[str]) -> None:
-        """Begin to answer soon, with a page that may talk to ``data_origins`` and to nobody else."""
+        """Start serving in a thread; the page may connect to ``data_origins`` only."""
         self._policy = (
             "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
             "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
@@ -182,42 +182,42 @@ class ViewerPages:
         self._thread.start()
 
     def wait(self, timeout: float) -> bool:
-        """Wait until requests are answered, at most ``timeout`` s; returns whether they are."""
-        return self._begun.wait(timeout) and not self.failure
+        """Wait at most ``timeout`` s until requests are served; return whether they are."""
+        return self._is_ready.wait(timeout) and not self.failure
 
-    def give_up(self) -> None:
-        """End the process that lends the files, if it still does: nobody waits for them any more."""
+    def cancel_fetch(self) -> None:
+        """Stop the process that the files are fetched from, if it still runs."""
         with self._changing:
             self._is_closing = True
-            if self._loaner is not None:
-                self._loaner.kill()
+            if self._file_server is not None:
+                self._file_server.kill()
 
     def close(self) -> None:
-        """End, and free the port."""
-        self.give_up()
+        """Stop, and free the port."""
+        self.cancel_fetch()
         if self._thread is not None:
-            self._begun.wait()
+            self._is_ready.wait()
             if not self.failure:
-                self._server.shutdown()
+                self._http.shutdown()
             self._thread.join()
             self._thread = None
-        self._server.server_close()
+        self._http.server_close()
 
-    def _lent(self, loaner: subprocess.Popen[bytes]) -> None:
+    def _on_server_start(self, server: subprocess.Popen[bytes]) -> None:
         with self._changing:
-            self._loaner = loaner
+            self._file_server = server
             if self._is_closing:
-                loaner.kill()
+                server.kill()
 
     def _run(self) -> None:
         try:
-            self._files = viewer_files(self._lent)
+            self._files = viewer_files(self._on_server_start)
         except (ServiceError, OSError) as error:
             self.failure = str(error)
             return
         finally:
-            self._begun.set()
-        self._server.serve_forever(0.2)
+            self._is_ready.set()
+        self._http.serve_forever(0.2)
 
     def _handler(self, *arguments: object) -> BaseHTTPRequestHandler:
-        return partial(_Answer, self._files, self._policy)(*arguments)
+        return partial(_FileHandler, self._files, self._policy)(*arguments)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from daq.view.axes import Axis, Plot, Reach, tick_step
+from daq.view.axes import AutoScale, Axis, Plot, tick_step
 from daq.view.bode import phase_lag
-from daq.view.drawing import text_strokes, text_width
-from daq.view.status_text import clock, hours, legible, micrometres, rpm, vector
-from daq.view.traces import thinned
+from daq.view.status_text import clock, disk_time, micrometres, replace_unprintable, rpm, vector
+from daq.view.stroke_font import text_strokes, text_width
+from daq.view.traces import min_max_decimated
 
 
 @pytest.mark.parametrize(
@@ -31,12 +31,12 @@ def test_ticks_are_labelled_with_as_many_digits_as_they_need() -> None:
 
 
 def test_values_are_placed_with_y_up_and_held_at_the_end_of_the_axis() -> None:
-    plot = Plot(0.0, 0.0, 100.0, 50.0, Axis(0.0, 10.0, "x"), Axis(0.0, 5.0, "y"), letters=5.0)
+    plot = Plot(0.0, 0.0, 100.0, 50.0, Axis(0.0, 10.0, "x"), Axis(0.0, 5.0, "y"), font_size=5.0)
     assert np.allclose(plot.place([0.0, 10.0, 5.0], [0.0, 5.0, 99.0]), [(0.0, 50.0), (100.0, 0.0), (50.0, 0.0)])
 
 
 def test_scale_grows_at_once_and_shrinks_only_after_a_while() -> None:
-    reach = Reach(smallest=2.0, patience=3)
+    reach = AutoScale(minimum=2.0, patience=3)
     assert reach.follow(30.0) >= 30.0
     high = reach.end
     assert [reach.follow(3.0) for _ in range(2)] == [high, high]
@@ -62,7 +62,7 @@ def test_unknown_letter_is_seen_as_a_box() -> None:
 def test_thinning_keeps_the_highest_and_lowest_sample_in_order() -> None:
     values = np.zeros(10_000)
     values[4_321], values[4_322] = 7.0, -7.0
-    index, kept = thinned(values, 600)
+    index, kept = min_max_decimated(values, 600)
     assert kept.size <= 600
     assert kept.max() == 7.0
     assert kept.min() == -7.0
@@ -77,6 +77,6 @@ def test_phase_is_written_as_lag() -> None:
 def test_quantities_are_written_for_the_operator() -> None:
     assert rpm(11_042 * math.pi / 30.0) == "11,042"
     assert (clock(161.9), clock(3_761.0)) == ("02:41", "1:02:41")
-    assert (hours(41 * 3_600.0), hours(1_500.0), hours(math.inf)) == ("41 h", "25 min", "not written")
+    assert (disk_time(41 * 3_600.0), disk_time(1_500.0), disk_time(math.inf)) == ("41 h", "25 min", "not written")
     assert (micrometres(41.4e-6), micrometres(0.32e-6)) == ("41 µm", "0.3 µm")
-    assert legible("Öl ∠ 20 µm") == "Öl ? 20 µm"
+    assert replace_unprintable("Öl ∠ 20 µm") == "Öl ? 20 µm"

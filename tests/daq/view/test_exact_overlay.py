@@ -48,6 +48,6 @@ def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig:
 def test_operator_reads_whether_the_overlay_is_exact() -> None:
     update = make_live_updates(60)[-1]
     assert update.prediction is not None
-    assert "model: ready; interpolated; film" in details(update)
+    assert "model: ready; interpolated; oil film" in details(update)
     exact = replace(update, prediction=replace(update.prediction, is_exact=True, speed=400 * np.pi))
-    assert "model: ready; exact at 12,000 r/min; film" in details(exact)
+    assert "model: ready; exact at 12,000 r/min; oil film" in details(exact)

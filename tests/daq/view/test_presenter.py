@@ -16,11 +16,12 @@ from rerun.chunk import RrdReader
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
 from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
-from daq.view.drawing import Drawing, text_strokes, text_width
+from daq.view.drawing import Drawing
 from daq.view.palette import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color
 from daq.view.presenter import Presenter, timeline
 from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
-from daq.view.spectrum import LETTERS, SpectrumPlot
+from daq.view.spectrum import FONT_SIZE, SpectrumPlot
+from daq.view.stroke_font import text_strokes, text_width
 from daq.view.traces import TrendPlot
 from recordings.mcap.markers import Marker, MarkerKind
 from tests.daq.support.live_updates import (
@@ -35,7 +36,7 @@ from tests.daq.support.live_updates import (
 RUN = timeline(make_header())
 DRAWN = {
     "/banner",
-    "/words",
+    "/signals",
     "/details",
     "/spectrum/names",
     "/trend/axes",
@@ -182,14 +183,14 @@ def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
     for update in map(with_second_whirl, make_live_updates(200)[::8]):
         assert update.snapshot is not None
         plot.follow(update.snapshot.frame, update.prediction)
-        placed = plot.placed_names(update.snapshot.frame, update.prediction)
+        placed = plot.placed_labels(update.snapshot.frame, update.prediction)
         assert len(placed) >= 2
         for (left, bottom, name, _), (its_left, its_bottom, its_name, _) in itertools.combinations(placed, 2):
             right, its_right = (
-                start + LETTERS * text_width(word) for start, word in ((left, name), (its_left, its_name))
+                start + FONT_SIZE * text_width(word) for start, word in ((left, name), (its_left, its_name))
             )
             beside = right < its_left or its_right < left
-            assert beside or abs(bottom - its_bottom) > 1.2 * LETTERS, (name, its_name)
+            assert beside or abs(bottom - its_bottom) > 1.2 * FONT_SIZE, (name, its_name)
 
 
 def test_message_from_outside_is_written_with_letters_that_there_are() -> None:
@@ -234,7 +235,7 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
     logged = Logged(
         [starting] * 20 + [replace(update, snapshot=still, prediction=None)] * 20 + [update], tmp_path / "few.rrd"
     )
-    assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/words"}
+    assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/signals"}
 
 
 def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
