@@ -104,7 +104,7 @@ class CachedRun:
 
     @property
     def is_growing(self) -> bool:
-        """Whether the run may still be being recorded; such an entry is not stored in the database."""
+        """Whether the recording may still be in progress; such an entry is not stored in the database."""
         entry = self.entry
         age_ns = time.time_ns() - entry.changed_ns
         return self.revision < 0 and not entry.is_complete and age_ns < MAX_WRITE_PAUSE * NANOSECONDS
@@ -116,8 +116,8 @@ class CachedRun:
             return False
         if (entry.size, entry.changed_ns) == (file.size, file.changed_ns):
             return self.revision >= 0 or self.is_growing
-        is_growing = not entry.is_complete and entry.header is not None and file.size >= entry.size
-        return is_growing and time.monotonic() < self.next_read_at and not has_end_magic(file.path)
+        has_grown = not entry.is_complete and entry.header is not None and file.size >= entry.size
+        return has_grown and time.monotonic() < self.next_read_at and not has_end_magic(file.path)
 
 
 def is_current(stored: StoredRun | None, file: RunFile) -> bool:

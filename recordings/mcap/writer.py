@@ -278,7 +278,7 @@ class RunWriter:
             log_time = result.log_time_ns + start_ns - self._starts_ns[0]
             yield _message(result.topic, log_time, result.data)
 
-    def _end_to_json(self, skipped_samples: int) -> dict[str, object]:
+    def _end_record(self, skipped_samples: int) -> dict[str, object]:
         delivery = self._delivery.statistics()
         clock = delivery.clock
         return {
@@ -305,7 +305,7 @@ class RunWriter:
 
     def _finish(self, skipped_samples: int) -> None:
         """Write the end record and the index; disk space for both is reserved."""
-        self._mcap.add_metadata(END_RECORD, encode_metadata(self._end_to_json(skipped_samples)), is_tail=True)
+        self._mcap.add_metadata(END_RECORD, encode_metadata(self._end_record(skipped_samples)), is_tail=True)
         self._mcap.finish()
         self._file.close()
 
