@@ -38,7 +38,7 @@ DRAWN = {
     "/banner",
     "/signals",
     "/details",
-    "/spectrum/names",
+    "/spectrum/labels",
     "/trend/axes",
     "/trend/lines",
     *(
