@@ -20,7 +20,7 @@ class Compiler:
 
     Parameters
     ----------
-    *built_on : module
+    *dependencies : module
         Modules whose functions, types and constants are compiled into the code.
     """
 

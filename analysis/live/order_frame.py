@@ -75,7 +75,7 @@ class OrderFrameBuilder:
 
         Parameters
         ----------
-        pyramid : Pyramid
+        pyramid : DecimationPyramid
             Displacement towards the probes x and y, m.
         angle : SmoothAngle
             Time against revolutions, s.

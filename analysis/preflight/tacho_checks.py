@@ -34,7 +34,7 @@ class TachoSignal:
         Consecutive samples, V.
     rate : float
         Sample rate, Hz.
-    levels : Levels or None
+    levels : SignalLevels or None
         Its two levels; None where it does not switch.
     edges : ndarray of float64
         Positions of the edges at the configured switching levels, in samples.

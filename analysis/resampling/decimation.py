@@ -32,7 +32,7 @@ class DecimationPyramid:
         Number of channels.
     levels : int
         Number of levels, including the original.
-    keep : int
+    capacity : int
         Number of samples stored in each level.
     first : int
         Index of the first sample that will be pushed.

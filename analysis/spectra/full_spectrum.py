@@ -30,7 +30,7 @@ class ProbeMismatch:
         Error of the configured angle between the probes, or of their relative sampling time, as an angle, rad.
     sigma : float
         Standard deviation of both, from the noise floor.
-    is_told : bool
+    is_determined : bool
         Whether several components of different order agree on it. A single component, or components with different
         ellipses, determine nothing: an ellipse and a mismatch look the same.
     components : int

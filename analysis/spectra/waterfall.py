@@ -95,7 +95,7 @@ class Cascade:
         End of the speed axis, rad/s; faster frames go into the last row.
     rows : int
         Number of rows.
-    mode : CascadeMode
+    keep : CascadeMode
         Whether a row contains its last frame or the largest amplitudes of all its frames.
     """
 

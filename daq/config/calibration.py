@@ -213,7 +213,7 @@ def fitted_record(
         The polynomial.
     gaps, volts : ndarray of float64, shape (n,)
         The points, m and V.
-    papers : CalibrationMetadata
+    metadata : CalibrationMetadata
         The record's other data.
     """
     table = CalibrationTable(

@@ -112,8 +112,8 @@ class TriggerStart:
     ----------
     event : int
         Number of the event, from 1.
-    start : Condition
-        What holds.
+    condition : TriggerCondition
+        The start condition that is met.
     segment, sample : int
         Position in the delivered samples at which the condition began to hold.
     """

@@ -245,7 +245,7 @@ def summary_schema(
         Measured summary.
     agreement : Agreement or None
         Agreement with the model; None without a prediction.
-    delivery : Delivery or None
+    delivery : DeliveryStatistics or None
         Backlog and clock of the acquisition; None where unknown.
     markers : tuple of MarkerSchema
         Markers of the run.

@@ -167,7 +167,7 @@ class ChunkWriter:
 
     Parameters
     ----------
-    file : AppendedFile
+    file : AppendOnlyFile
         The file.
     profile, library : str
         Fields of the MCAP header.
