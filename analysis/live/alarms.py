@@ -14,7 +14,7 @@ from analysis.signals.snapshot import Snapshot
 
 FloatArray = NDArray[np.float64]
 
-MAX_ALARMS = 256  # that are remembered of a run: of those that are over, the one that passed its limit least goes first
+MAX_ALARMS = 256  # stored ended alarms of a run; beyond it that with the smallest excess is dropped
 
 
 class MonitoredQuantity(StrEnum):

@@ -16,6 +16,8 @@ from analysis.signals.uncertainty import phase_sigma
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+RECENT_TIME = 10.0  # s: span of the recent counts
+
 
 class TachoState(StrEnum):
     """State of the tacho signal."""
@@ -52,9 +54,6 @@ class TachoReport:
     rejected: int
     jitter: float
     phase_reference_is_arbitrary: bool = False
-
-
-RECENT_TIME = 10.0  # s: span of the recent counts
 
 
 class CounterState(StrEnum):

@@ -26,6 +26,9 @@ ORDERS = (1, 2, 3, 4)  # of the shaft that are subtracted
 MIN_SEPARABLE_ENERGY = 0.5  # fraction of a mains line's energy that is no linear combination of shaft orders
 MIN_RELATIVE_POWER = 1e-10  # of the largest eigenvalue: smaller ones are linearly dependent
 MOTION_BAND = (2.0, 1000.0)  # Hz
+DRIFT_BLOCKS = 20  # of the record; the trend is fitted to their means
+MIN_HUM_DURATION = 0.4  # s
+MIN_SLOPE_SIGMAS = 4.0  # standard deviations of the slope
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,11 +155,6 @@ def _order_columns(angle: FloatArray) -> list[FloatArray]:
         cosine, sine = np.cos(order * angle), np.sin(order * angle)
         columns += [cosine, sine, growth * cosine, growth * sine]
     return columns
-
-
-DRIFT_BLOCKS = 20  # of the record; the trend is fitted to their means
-MIN_HUM_DURATION = 0.4  # s
-MIN_SLOPE_SIGMAS = 4.0  # standard deviations of the slope
 
 
 @dataclass(frozen=True, slots=True)

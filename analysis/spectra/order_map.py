@@ -19,6 +19,7 @@ from analysis.signals.uncertainty import independent_frames, mean_angle_sigma
 from analysis.spectra.order_spectrum import hann
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 CHUNK_FRAMES = 128
 HANN_POINTS = 8  # per revolution, of the window from which the correlation of overlapping frames is computed
@@ -113,9 +114,6 @@ class RevolutionFrames:
     def angle_sigma(self) -> FloatArray:
         """Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad, shape (n,)."""
         return mean_angle_sigma(self.speeds, self._record.angle_jitter, self.revolutions)
-
-
-ComplexArray = NDArray[np.complex128]
 
 
 class Window(StrEnum):

@@ -10,7 +10,7 @@ IntArray = NDArray[np.int64]
 
 MAX_INTERVAL_RATIO = 1.2  # of an interval to that of the same mark one revolution before, without missing pulses
 MIN_GAP_RATIO = 1.1  # of the longest interval to every other: then it identifies its mark
-MIN_TURNS, MIN_INTERVALS = 2, 16  # in a row without a fault that tell the spacing: revolutions, intervals at least
+MIN_TURNS, MIN_INTERVALS = 2, 16  # successive revolutions and intervals without a fault, to learn the spacing
 
 
 def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatArray | None:

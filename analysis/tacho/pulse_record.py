@@ -103,17 +103,17 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     if forward is None or backward is None:
         raise TachoRefusedError(f"{times.size} tacho edges contain no regular pulse train, expected one: noise?")
     back_numbers, back_times = -backward[0][::-1], -backward[1][::-1]
-    numbers, kept = _merge_counts(forward, (back_numbers, back_times))
-    begin, end = np.searchsorted(times, [kept[0], kept[-1]])
+    numbers, pulse_times = _merge_counts(forward, (back_numbers, back_times))
+    begin, end = np.searchsorted(times, [pulse_times[0], pulse_times[-1]])
     seen = int(end - begin) + 1
     if seen < MIN_TRAIN_FRACTION * times.size and forward[0].size < MIN_TRAIN_FRACTION * times.size - MIN_PULSES:
         raise TachoRefusedError(
-            f"the longest regular train holds {seen} of {times.size} tacho edges, from {kept[0]:.3f} to "
-            f"{kept[-1]:.3f} s: analyse the record in parts between the breaks"
+            f"the longest regular train holds {seen} of {times.size} tacho edges, from {pulse_times[0]:.3f} to "
+            f"{pulse_times[-1]:.3f} s: analyse the record in parts between the breaks"
         )
     numbers = numbers - numbers[0]
-    _refuse_many_repairs(numbers, kept, times[begin : end + 1], tacho.pulses_per_revolution)
-    return _record(numbers, kept, seen, tacho)
+    _refuse_many_repairs(numbers, pulse_times, times[begin : end + 1], tacho.pulses_per_revolution)
+    return _record(numbers, pulse_times, seen, tacho)
 
 
 def _is_clean(intervals: FloatArray, marks: int) -> bool:

@@ -21,6 +21,10 @@ MIN_KNOT_TURNS = 3.0
 KNOT_TIME = 0.08  # s between knots at low speed, to resolve speed fluctuations
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
 OUTLIER_SIGMAS, OUTLIER_TURNS = 6.0, 0.01  # times the scatter, and revolutions: pulses further off are rejected
+MAX_SPLINE_ERROR = 3e-6  # revolutions, of the spline at a steady acceleration: 0.001 degrees
+MIN_TURNS = 4
+MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that are rejected; more are a jump of speed
+MAX_REFITS = 3  # after the first fit: a false pulse bends the spline and can hide smaller ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,12 +97,6 @@ def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, F
     coefficients = line + correction
     residual = times - basis @ coefficients
     return BSpline(knots, coefficients, DEGREE), residual
-
-
-MAX_SPLINE_ERROR = 3e-6  # revolutions, of the spline at a steady acceleration: 0.001 degrees
-MIN_TURNS = 4
-MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that are rejected; more are a jump of speed
-MAX_REFITS = 3  # after the first fit: a false pulse bends the spline and can hide smaller ones
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,7 @@ ComplexArray = NDArray[np.complex128]
 MAX_SPEED_FRACTION = 0.1  # of the first critical speed, of a valid slow roll: the shaft hardly vibrates there
 MIN_REVOLUTIONS = 8  # revolutions
 MAX_DRIFT = 0.2  # relative change of the 1X vector over a valid slow roll
+RUN_UP_FACTOR = 1.05  # times the slow-roll speed: above it the run-out estimate is final
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,9 +127,6 @@ def slow_roll(record: AngularRecord, slowest: float, fastest: float) -> SlowRoll
         revolutions=int(chosen.size),
         drift=float(np.abs(halves).max()) / size if size > 0.0 else 0.0,
     )
-
-
-RUN_UP_FACTOR = 1.05  # times the slow-roll speed: above it the run-out estimate is final
 
 
 class RunOutEstimator:

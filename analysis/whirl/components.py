@@ -163,9 +163,8 @@ class ComponentSearch:
         up = size[frame, line + 1] > size[frame, line - 1]
         peak, beside = size[frame, line], size[frame, np.where(up, line + 1, line - 1)]
         total = np.maximum(peak + beside, 1e-300)
-        delta = np.clip(
-            np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5
-        )  # beyond 0.5 the peak is another line
+        # beyond half a line the peak would be the neighbour's
+        delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5)
         gain = np.sinc(delta) / (1.0 - delta**2)
         vectors = rest[:, frame, line] / gain * np.exp(-1j * np.pi * delta)
         X, Y = self.pair.vectors_to_bench(vectors)

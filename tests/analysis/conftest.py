@@ -35,12 +35,12 @@ METRES_PER_VOLT = 1e-4
 
 
 def steady(turn_rate: float, start: float = 0.3) -> Angle:
-    """Return the angle of a steady speed, revolutions a second."""
+    """Return the angle at a constant speed, revolutions per second."""
     return lambda time: 2 * np.pi * (turn_rate * time + start)
 
 
 def ramp(begin: float, end: float, duration: float) -> Angle:
-    """Return the angle of a speed that rises evenly from begin to end, revolutions a second."""
+    """Return the angle of a linear ramp from begin to end, revolutions per second."""
     return lambda time: 2 * np.pi * (begin * time + 0.5 * (end - begin) / duration * time**2)
 
 
@@ -88,7 +88,7 @@ def make_acquisition(rate: float, angles: tuple[float, float], tacho: Tacho) -> 
 
 @dataclass(frozen=True)
 class Bench:
-    """Known motion seen through an acquisition."""
+    """Known motion sampled through an acquisition."""
 
     acquisition: Acquisition
     settings: AnalysisSettings
@@ -100,7 +100,7 @@ class Bench:
     circles = staticmethod(circles)
 
     def codes(self, angle: Angle, motion: Motion, duration: float) -> Codes:
-        """Return the codes, shape (3, n), of a motion given against the shaft's angle."""
+        """Return the codes, shape (3, n), of a motion given as a function of shaft angle."""
         acquisition = self.acquisition
         n = round(duration * acquisition.rate)
         random = np.random.default_rng(1)
@@ -118,7 +118,7 @@ class Bench:
         return np.array(rows).astype(np.int16)
 
     def tacho_volts(self, angle: Angle, time: FloatArray) -> FloatArray:
-        """Return the tacho's voltage, 0 to 4.3 V: the mark covers the first part of each turn, edges are ramps."""
+        """Return the tacho voltage, 0 to 4.3 V: the mark begins at theta = 0 and the edges are linear."""
         tacho = self.acquisition.tacho
         marks = tacho.pulses_per_revolution
         turns = angle(time - tacho.delay) * marks / (2 * np.pi)
@@ -135,7 +135,7 @@ class Bench:
             yield SampleBlock(piece, segment=segment, first_sample=first + begin, host_time_ns=0)
 
     def snapshots(self, codes: Codes, size: int = 10_000) -> list[Snapshot]:
-        """Return what an analyser makes of the codes as one segment."""
+        """Return the snapshots of the codes as one segment."""
         analyser = Analyser(self.acquisition, self.settings)
         snapshots = [snapshot for block in self.blocks(codes, size) for snapshot in analyser.add_block(block)]
         return snapshots + analyser.end_segment(SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
@@ -148,7 +148,7 @@ class Bench:
 
 @pytest.fixture
 def make_bench() -> Callable[..., Bench]:
-    """Return a maker of benches: rate, probe angles, noise and what differs in the tacho and the settings."""
+    """Return a factory of benches: rate, probe angles, noise, changed tacho fields and analysis settings."""
 
     def make(
         *,
@@ -182,7 +182,7 @@ def header(make_bench: Callable[..., Bench]) -> RunHeader:
 
 @pytest.fixture
 def make_record(make_bench: Callable[..., Bench]) -> Callable[..., AngularRecord]:
-    """Return a maker of angular records of a known motion: motion, angle, duration, and what `make_bench` takes."""
+    """Return a factory of angular records sampled on a bench: motion, angle, duration, arguments of `make_bench`."""
 
     def make(motion: Motion, angle: Angle, duration: float, *, points: int = 64, **bench: Any) -> AngularRecord:
         made = make_bench(**bench)
@@ -193,7 +193,7 @@ def make_record(make_bench: Callable[..., Bench]) -> Callable[..., AngularRecord
 
 @pytest.fixture
 def make_angular() -> Callable[..., AngularRecord]:
-    """Return a maker of angular records without card or tacho: circles at a steady speed, on the grid itself."""
+    """Return a factory of exact angular records at constant speed, without card or tacho: the given circles."""
 
     def make(
         *components: tuple[float, float, float],

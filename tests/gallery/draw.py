@@ -1,4 +1,4 @@
-"""Draws one picture with every kind of plot, from one simulated run.
+"""Draw one picture with every kind of plot, from one simulated run.
 
 python -m tests.gallery.draw docs/gallery.png
 """
@@ -115,7 +115,7 @@ def speeds(axes: Axes, run: Run) -> None:
 
 
 def centre(axes: Axes, run: Run) -> None:
-    line = centreline(run.raw, run.rest_position, LIMITS.clearance)
+    line = centreline(run.raw, run.rest_displacement, LIMITS.clearance)
     dots = axes.scatter(
         line.positions[0] / MICRO, line.positions[1] / MICRO, c=line.speeds * RPM / 1e3, s=4, cmap="viridis"
     )
@@ -272,10 +272,11 @@ def below_one_x(axes: Axes, run: Run) -> None:
 
 
 def overall_vibration(axes: Axes, run: Run) -> None:
-    watch = LimitMonitor(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
+    monitor = LimitMonitor(LIMITS.peak_to_peak_alarm, LIMITS.hysteresis, hold=0.2)
     found = overall(run.displacement, RATE, LIMITS.clearance)
     larger = found.peak_to_peak.max(axis=0)
-    states = [watch.update(value, TimeInRun(0, time, np.nan)) for value, time in zip(larger, found.times, strict=True)]
+    times = zip(larger, found.times, strict=True)
+    states = [monitor.update(value, TimeInRun(0, time, np.nan)) for value, time in times]
     axes.plot(found.times, larger / MICRO, X, lw=1.0, label="larger of x and y")
     for limit, colour, name in ((50, "#e69f00", "alarm"), (80, "#cc0000", "danger")):
         axes.axhline(limit, color=colour, lw=0.9, label=name)
@@ -288,7 +289,7 @@ def overall_vibration(axes: Axes, run: Run) -> None:
     axes.legend(ncols=2)
 
 
-def followed(run: Run) -> tuple[FloatArray, OrderEnvelopes]:
+def run_up_envelopes(run: Run) -> tuple[FloatArray, OrderEnvelopes]:
     """Return times, s, and envelopes of the run-up at probe x."""
     up = run.displacement[:, : int(16 * RATE)]
     times, (found, _) = probe_envelopes(up, RATE, run.angle, (0.47, 1.0, 2.0), bandwidth=6.0)
@@ -361,7 +362,7 @@ def draw(path: Path) -> None:
     figure = Figure(figsize=(15.5, 24), layout="constrained", dpi=100)
     axes = iter(figure.subplots(7, 4).ravel())
     whirling = run.at(14_000)
-    times, orders = followed(run)
+    times, orders = run_up_envelopes(run)
     timebase(next(axes), run)
     speeds(next(axes), run)
     overall_vibration(next(axes), run)

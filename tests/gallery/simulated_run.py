@@ -40,7 +40,7 @@ class Run:
     roll: SlowRoll
     frames: OrderMap
     mismatch: ProbeMismatch
-    rest_position: FloatArray
+    rest_displacement: FloatArray
 
     def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
         """Return revolutions of the run-up, centred on a speed."""
@@ -95,5 +95,5 @@ def simulated() -> Run:
         roll=roll,
         frames=frames,
         mismatch=probe_mismatch(frames),
-        rest_position=np.zeros(2),
+        rest_displacement=np.zeros(2),
     )

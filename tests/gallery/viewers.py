@@ -1,4 +1,4 @@
-"""Writes a Foxglove layout and a rerun blueprint that show a run.
+"""Write a Foxglove layout and a rerun blueprint that show a run.
 
     python tests/gallery/viewers.py docs/viewers
 

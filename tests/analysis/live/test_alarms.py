@@ -26,7 +26,7 @@ AT_ONCE = replace(LIMITS, hold=0.0)
 
 
 def fed(monitor: LimitMonitor, values: list[float], segment: int = 0) -> list[bool]:
-    """Feed overall vibrations in um, two a second."""
+    """Add overall vibrations in um, two per second."""
     return [monitor.update(value * MICRO, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
 
 
@@ -47,7 +47,7 @@ def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
 
 
 def alarms_of(limits: Limits, x: list[float], y: float = 0.0) -> tuple[Alarm, ...]:
-    """The alarms of a run whose probe x shows these overall vibrations, um, two a second."""
+    """Return the alarms of a run with these overall vibrations at probe x, um, two per second."""
     monitor = AlarmMonitor(limits, ("x", "y"))
     for k, value in enumerate(x):
         monitor.update(snapshot(0.5 * k, value, y))
@@ -55,7 +55,7 @@ def alarms_of(limits: Limits, x: list[float], y: float = 0.0) -> tuple[Alarm, ..
 
 
 def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> OrderFrame:
-    """A frame with 1X and components below it of so many um peak at x and y; phases of all kinds."""
+    """Return a frame with 1X and components below it of given amplitudes, um peak at x and y, and various phases."""
     turned = np.array([np.exp(0.3j), np.exp(-2.0j)])
     vectors = np.zeros((2, 2), dtype=np.complex128)
     vectors[0] = np.array(one) * MICRO * turned

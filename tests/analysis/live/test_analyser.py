@@ -24,7 +24,7 @@ THREE = ((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.47, 1.0), (3 * MICRO, 2.0, -0.7))
 
 
 def same(a: object, b: object) -> bool:
-    """Return whether two results hold the same bits."""
+    """Return whether two results are bit-identical."""
     if is_dataclass(a):
         return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
@@ -306,7 +306,7 @@ def test_too_fast_state_is_reported_with_a_frame(make_bench: Maker) -> None:
 
 
 def tacho_codes(kind: str, tacho: NDArray[np.int16]) -> NDArray[Any]:
-    """Return what comes instead of the tacho's codes."""
+    """Return random codes in place of the tacho's."""
     random = np.random.default_rng(3)
     n = tacho.size
     match kind:
@@ -324,7 +324,7 @@ def tacho_codes(kind: str, tacho: NDArray[np.int16]) -> NDArray[Any]:
 
 
 def hostile(kind: str, codes: NDArray[np.int16]) -> NDArray[np.int16]:
-    """Return what comes instead of the codes."""
+    """Return random codes in place of the bench's."""
     spoiled = codes.copy()
     match kind:
         case "zeros" | "upper rail" | "lower rail":

@@ -12,20 +12,20 @@ from analysis.signals.header import Acquisition, RunHeader
 START = 1_795_000_000_000_000_000
 
 
-def watched(acquisition: Acquisition, *backlogs: tuple[int, int]) -> DeliveryStatistics:
-    """Watch a block for each pair of segment and backlog."""
-    watch = DeliveryMonitor(acquisition)
+def statistics(acquisition: Acquisition, *backlogs: tuple[int, int]) -> DeliveryStatistics:
+    """Return the statistics of one block for each pair of segment and backlog."""
+    monitor = DeliveryMonitor(acquisition)
     for segment, backlog in backlogs:
-        watch.add_block(SampleBlock(np.zeros((3, 100), np.int16), segment, 0, START, backlog))
-    return watch.statistics()
+        monitor.add_block(SampleBlock(np.zeros((3, 100), np.int16), segment, 0, START, backlog))
+    return monitor.statistics()
 
 
 def test_statistics_contain_the_largest_backlog_of_all_segments(header: RunHeader) -> None:
     card = replace(header.acquisition, buffer=round(4 * header.acquisition.rate))
-    found = watched(card, (0, 10), (0, 700), (1, 300))
+    found = statistics(card, (0, 10), (0, 700), (1, 300))
     assert found.backlog == pytest.approx(700 / card.rate)
     assert found.buffer == pytest.approx(4.0)
 
 
 def test_backlog_of_a_device_without_a_buffer_is_unknown(header: RunHeader) -> None:
-    assert watched(replace(header.acquisition, buffer=0), (0, 700)) == DeliveryStatistics()
+    assert statistics(replace(header.acquisition, buffer=0), (0, 700)) == DeliveryStatistics()

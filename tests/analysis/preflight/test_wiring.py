@@ -49,7 +49,7 @@ def noise(rms: float, seed: int) -> FloatArray:
 
 
 def turning(speed_rpm: float = 1800.0, um: float = 5.0) -> dict[str, FloatArray]:
-    """Voltages of a shaft that turns forward on a circle."""
+    """Return the voltages of a shaft on a circular forward orbit."""
     angle = speed_rpm * RPM * TIME
     return {
         "x": 5.0 + 0.01 * um * np.cos(angle) + noise(1e-3, 1),

@@ -237,7 +237,7 @@ def test_jump_of_speed_is_refused(jump: float) -> None:
 
 
 def random_pulses(random: np.random.Generator) -> FloatArray:
-    """Return the edges of some shaft or none: noise, jitter, wandering, halved, broken or stopping speeds, bursts."""
+    """Return random edges: noise, jitter, fluctuating, halved, interrupted or stopping speeds, bursts."""
     n = int(random.integers(1, 400))
     times = [
         np.cumsum(random.exponential(0.01, n)),
@@ -285,7 +285,7 @@ def test_any_pulses_give_a_finite_live_speed_or_none() -> None:
 
 
 def spoilt(row: Codes, random: np.random.Generator) -> Codes:
-    """Return a channel as noise, stuck, clipped, stuck from somewhere on, or as it is."""
+    """Return a channel as noise, stuck, clipped, stuck from a random sample on, or unchanged."""
     kind, stuck = int(random.integers(0, 8)), int(random.integers(0, row.size))
     if kind == 0:
         return random.integers(-32768, 32768, row.size).astype(np.int16)

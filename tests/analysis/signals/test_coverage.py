@@ -32,7 +32,7 @@ POINTS = 64
 def record_of(
     random: np.random.Generator, *circles: Circle, revolutions: int = 64, noise: float = 0.5
 ) -> AngularRecord:
-    """Return circles and noise, both in units of 1, at 100 revolutions a second."""
+    """Return circles and noise, both in units of 1, at 100 revolutions per second."""
     theta = 2 * np.pi * np.arange(revolutions * POINTS) / POINTS
     z = np.zeros(theta.size, dtype=np.complex128)
     for radius, order, phase in circles:
@@ -76,7 +76,7 @@ def averages(random: np.random.Generator) -> list[float]:
 
 
 def unequal_probes(random: np.random.Generator) -> list[float]:
-    """Gain and skew of a pair where noise decides, not the calibration's allowance."""
+    """Gain and skew of a probe pair where noise dominates the uncertainty."""
     one, half, two = random.uniform(0.0, 2 * np.pi, 3)
     record = record_of(random, (20.0, 1.0, one), (20.0, 0.5, half), (15.0, 2.0, two), noise=4.0)
     waveform = record.waveform.copy()
@@ -88,7 +88,7 @@ def unequal_probes(random: np.random.Generator) -> list[float]:
 
 
 def below_one_x(random: np.random.Generator) -> list[float]:
-    """Order and amplitude of a steady whirl, exponent of one whose order wanders on a run-up."""
+    """Order and amplitude of a steady whirl, and the exponent of one with a fluctuating order on a run-up."""
     one, whirl = random.uniform(0.0, 2 * np.pi, 2)
     (track,) = subsynchronous_tracks(order_map(record_of(random, (20.0, 1.0, one), (4.0, 0.45, whirl))))
     plain = record_of(random, (20.0, 1.0, one), revolutions=160)

@@ -19,7 +19,7 @@ TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 
 
 def run(seed: int, whirl_order: float) -> list[float]:
-    """Return the errors of 1X, 2X, whirl and speed, at a run's begin, over what is stated of each."""
+    """Return the errors of 1X, 2X, whirl and speed at the begin of a run, over their stated uncertainty."""
     random = np.random.default_rng(seed)
     start, phase = random.uniform(), random.uniform(0.0, 2 * np.pi)
     turns = TURN_RATE * np.arange(SAMPLES) / RATE + start

@@ -17,7 +17,7 @@ TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 
 
 def motion(noise: float = 0.1) -> FloatArray:
-    """Return a whip at 62 Hz beside a 1X from 50 to 150 Hz in ten seconds, swelling at y from the middle on."""
+    """Return a whip at 62 Hz and a 1X from 50 to 150 Hz in ten seconds, of larger amplitude at y from the middle on."""
     turns = 50.0 * TIME + 5.0 * TIME**2
     whip = 8.0 * np.cos(2 * np.pi * 62.0 * TIME) * np.array([np.ones(TIME.size), 1.0 * (TIME > 5.0)])
     noises = noise * np.random.default_rng(0).standard_normal((2, TIME.size))

@@ -24,7 +24,7 @@ FORWARD = ((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.5, 0.0), (3 * MICRO, 2.0, 1.0))
 
 
 def seen(record: AngularRecord, gain: float = 0.0, skew: float = 0.0) -> AngularRecord:
-    """Return a record as a probe y sees it that is too sensitive and looks askew."""
+    """Return a record with a probe y of wrong sensitivity and wrong direction."""
     waveform = record.waveform.copy()
     waveform[1] = (1.0 + gain) * waveform[1] + skew * waveform[0]
     return record.with_waveform(waveform)

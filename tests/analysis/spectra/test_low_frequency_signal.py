@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 
 def turned(first: float, last: float) -> FloatArray:
-    """Angle of a shaft, rad, whose frequency goes from one value to another, Hz."""
+    """Return the shaft angle of a linear ramp of rotational frequency, Hz, in rad."""
     return np.asarray(2 * np.pi * (first * TIME + 0.5 * (last - first) * TIME**2) + 0.3, dtype=np.float64)
 
 

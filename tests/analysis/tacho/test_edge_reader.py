@@ -41,7 +41,7 @@ def block(first: int, n: int, ticks: NDArray[np.int64] | None) -> SampleBlock:
 def taken(
     given: TachoEdgeReader, stamps: list[NDArray[np.int64] | None], size: int = 1000
 ) -> list[NDArray[np.float64]]:
-    """Give blocks of a size with their stamps, and return the edges of each hop."""
+    """Add blocks with their timestamps, and return the edges of each hop."""
     hops: list[NDArray[np.float64]] = []
     for k, ticks in enumerate(stamps):
         given.add_block(block(k * size, size, ticks))

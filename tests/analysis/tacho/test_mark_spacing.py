@@ -34,7 +34,7 @@ WHEELS = {  # mark positions in revolutions; theta = 0 is the mark at 0, after t
 
 
 def edges_of(wheel: FloatArray, begin: float, rise: float, first: float, turns: float) -> tuple[FloatArray, FloatArray]:
-    """Times and angles, turns, of the marks on a run from ``first`` turn on, revolutions a second (and squared)."""
+    """Return times and angles, revolutions, of the marks from revolution ``first`` on, at a speed and acceleration."""
     angles = (np.arange(int(first) - 1, int(first + turns) + 1)[:, None] + wheel).ravel()
     angles = angles[(angles >= first) & (angles < first + turns)]
     passed = angles - first
@@ -43,7 +43,7 @@ def edges_of(wheel: FloatArray, begin: float, rise: float, first: float, turns: 
 
 
 def fed(train: PulseTrain, times: FloatArray) -> PulseTrain:
-    """Feed edges in stretches of 0.1 s."""
+    """Add edges in stretches of 0.1 s."""
     for hop in range(int(times[-1] / 0.1)):
         begin, end = np.searchsorted(times, [0.1 * hop, 0.1 * (hop + 1)])
         train.advance(times[begin:end], 0.1 * (hop + 1), 0.1, RATE)
@@ -51,7 +51,7 @@ def fed(train: PulseTrain, times: FloatArray) -> PulseTrain:
 
 
 def off_mark(train: PulseTrain, times: FloatArray, angles: FloatArray) -> FloatArray:
-    """Return by how much of a turn the marks of a train lie off the angle 0."""
+    """Return the deviation of the marks of a train from angle 0, revolutions."""
     _, marks = train.marks
     there = angles[np.searchsorted(times, marks)]
     return np.abs(there - np.round(there))
@@ -67,7 +67,7 @@ def test_live_train_finds_the_same_mark_from_any_start(wheel: str, first: float,
     assert train.marks[0].size >= 20
     report = train.report(train.state(float(times[-1]) - 0.1, train.speed(0.1), np.nan), np.nan)
     assert (report.state, report.filled, report.phase_reference_is_arbitrary) == (TachoState.GOOD, 0, False)
-    middle = int(times[-1] / 0.1) * 0.1 - 0.06  # of the revolutions that tell the speed, about
+    middle = int(times[-1] / 0.1) * 0.1 - 0.06  # approximately of the revolutions from which the speed is computed
     assert train.speed(0.1) == pytest.approx(2 * np.pi * (50.0 + rise * middle), rel=0.01 if rise else 1e-9)
 
 

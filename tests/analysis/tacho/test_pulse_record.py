@@ -17,7 +17,7 @@ TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 
 
 def run_up(turns: int, begin: float = 100.0, rise: float = 30.0) -> FloatArray:
-    """Return the times of the marks of an even run-up, revolutions a second and a second squared."""
+    """Return the times of the marks of a linear run-up, in revolutions per second and per second squared."""
     return np.asarray((np.sqrt(begin**2 + 2 * rise * np.arange(turns)) - begin) / rise)
 
 
@@ -30,7 +30,7 @@ def spoiled(marks: FloatArray, missing: float, double: float, seed: int) -> Floa
 
 
 def wrong_turns(times: FloatArray, numbers: NDArray[np.int64], marks: FloatArray) -> int:
-    """Return how many revolutions the count is off, at the pulses that are true ones."""
+    """Return the error of the count at the true pulses, revolutions."""
     true = np.searchsorted(marks, times)
     is_true = marks[np.minimum(true, marks.size - 1)] == times
     offsets = (true - numbers)[is_true]
@@ -79,7 +79,7 @@ WHEELS: dict[str, tuple[float, ...]] = {
 
 
 def turned(wheel: tuple[float, ...], turns: int = 300) -> FloatArray:
-    """Return the times of a wheel's marks on the run-up."""
+    """Return the times of the marks of a wheel in the run-up."""
     at = (np.arange(turns)[:, None] + np.array(wheel)).ravel()
     return np.asarray((np.sqrt(100.0**2 + 60.0 * at) - 100.0) / 30.0, dtype=np.float64)
 

@@ -28,12 +28,12 @@ def advance(train: PulseTrain, edges: FloatArray, hop: int, step: float = 0.1) -
 
 
 def run_up(turns: int) -> FloatArray:
-    """Return the times of the marks in an even run-up from 20 to 200 revolutions a second in 10 s."""
+    """Return the times of the marks in a linear run-up from 20 to 200 revolutions per second in 10 s."""
     return np.asarray((np.sqrt(20.0**2 + 2 * 18.0 * np.arange(turns)) - 20.0) / 18.0)
 
 
 def spoiled(marks: FloatArray, missing: float, double: float, seed: int) -> FloatArray:
-    """Return the marks without a part of them, with so many edges too much, after the first ten."""
+    """Return the marks with a fraction missing and a number of extra edges, both after the first ten."""
     random = np.random.default_rng(seed)
     keep = random.random(marks.size) >= missing
     keep[:10] = True

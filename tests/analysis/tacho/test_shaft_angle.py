@@ -13,7 +13,7 @@ TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 
 
 def run_up(turns: int, jitter: float = 0.0, marks: tuple[float, ...] = (0.0,)) -> PulseRecord:
-    """Return the pulses of a run-up from 100 turns a second by 90 a second squared, marks at parts of a turn."""
+    """Return the pulses of a run-up from 100 revolutions per second by 90 per second squared, with several marks."""
     at = np.concatenate([turn + np.array(marks) for turn in range(turns)])
     times = (np.sqrt(100.0**2 + 180.0 * at) - 100.0) / 90.0
     times += jitter * np.random.default_rng(0).standard_normal(times.size)

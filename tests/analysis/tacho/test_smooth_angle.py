@@ -12,7 +12,7 @@ FloatArray = NDArray[np.float64]
 
 
 def time_in_run_up(turns: NDArray[Any]) -> FloatArray:
-    """Return the time of revolutions from 1,000 r/min on, 730 r/min more each second."""
+    """Return the times of revolutions in a run-up from 1,000 r/min by 730 r/min per second."""
     return np.asarray((np.sqrt(16.7**2 + 2 * 12.2 * turns) - 16.7) / 12.2)
 
 

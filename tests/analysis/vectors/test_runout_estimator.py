@@ -31,7 +31,7 @@ def angle(time: FloatArray) -> FloatArray:
 
 
 def motion(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Run-out at every speed, and a 1X of 10 um once the shaft turns faster."""
+    """Return run-out at every speed, and a 1X of 10 um above the slow-roll speed."""
     surface = np.real(ONE[:, None] * np.exp(1j * theta) + TWO[:, None] * np.exp(2j * theta))
     grown = 10.0 * np.clip((theta / (2 * np.pi) - SLOW * HELD) / 20.0, 0.0, 1.0)
     return (surface[0] + grown * np.cos(theta)) * MICRO, (surface[1] + grown * np.sin(theta)) * MICRO

@@ -17,7 +17,7 @@ WIDTH = 2 * np.pi * 2.0
 
 
 def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0, step: int = 16) -> OrderTrack:
-    """Return 1X of a rotor with one resonance: unbalance's response at each speed."""
+    """Return 1X of a rotor with one resonance: the unbalance response at each speed."""
     ratio = speeds / CRITICAL
     response = 2 * MICRO * ratio**2 / (1 - ratio**2 + 2j * damping * ratio)
     random = np.random.default_rng(0)

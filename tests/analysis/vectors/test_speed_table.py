@@ -67,12 +67,12 @@ def test_snapshots_without_speed_or_frame_add_no_row(make_bench: Callable[..., "
 def test_run_up_and_run_down_are_separated_exactly(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
     motion = bench.circles((20 * MICRO, 1.0, 0.4))
-    course = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
-    course += bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
-    frames = [snapshot.frame for snapshot in course if snapshot.frame is not None]
+    snapshots = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
+    snapshots += bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    frames = [snapshot.frame for snapshot in snapshots if snapshot.frame is not None]
     turn = max(range(len(frames)), key=lambda k: frames[k].speed)
     table = SpeedTable()
-    for snapshot in course:
+    for snapshot in snapshots:
         table.add_snapshot(snapshot)
     rows = {direction: [row for row in table.rows() if row.direction is direction] for direction in RampDirection}
     assert all(len(of_direction) > 12 for of_direction in rows.values())
@@ -85,9 +85,9 @@ def test_run_up_and_run_down_are_separated_exactly(make_bench: Callable[..., "Be
 def test_reading_rows_during_a_run_does_not_change_the_result(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
     motion = bench.circles((20 * MICRO, 1.0, 0.4))
-    course = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
+    snapshots = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
     read, unread = SpeedTable(), SpeedTable()
-    for snapshot in course:
+    for snapshot in snapshots:
         read.add_snapshot(snapshot)
         unread.add_snapshot(snapshot)
         read.rows()

@@ -13,7 +13,7 @@ HOP = 0.1
 
 
 def frame(speed: float, *orders: float | None, amplitude: float = 5e-6, forward: bool = True) -> OrderFrame:
-    """Return a frame of 16 revolutions at a speed, rad/s, with whirls of some orders."""
+    """Return a frame of 16 revolutions at a speed, rad/s, with whirls of given orders."""
     circles = (amplitude, 0.0) if forward else (0.0, amplitude)
     whirls = tuple(Whirl(each, *circles, np.zeros(2, dtype=np.complex128)) for each in orders if each is not None)
     return OrderFrame(
@@ -104,9 +104,9 @@ def test_simultaneous_components_are_tracked_in_parallel() -> None:
 def test_hysteresis_contains_onset_on_run_up_and_end_on_run_down() -> None:
     tracker = WhirlTracker()
     up, down = np.arange(900.0, 1500.0, 10.0), np.arange(1500.0, 800.0, -10.0)
-    course = [(speed, RampDirection.RUN_UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
-    course += [(speed, RampDirection.RUN_DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
-    for number, (speed, direction, there) in enumerate(course):
+    speeds = [(speed, RampDirection.RUN_UP, 1100.0 <= speed < 1400.0) for speed in up.tolist()]
+    speeds += [(speed, RampDirection.RUN_DOWN, 1000.0 < speed <= 1390.0) for speed in down.tolist()]
+    for number, (speed, direction, there) in enumerate(speeds):
         tracker.add_frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
     first, second = tracker.findings()
     assert (first.begin_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)

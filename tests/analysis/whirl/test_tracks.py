@@ -18,7 +18,7 @@ POINTS = 64
 
 
 def run_up(make_angular: Maker, frequency: Callable[[FloatArray], FloatArray], onset: float = 0.0) -> AngularRecord:
-    """Return a run-up from 100 to 500 turns a second, 1X beside a component of a frequency against speed, Hz."""
+    """Return a run-up from 100 to 500 revolutions per second with 1X and a component of given frequency, Hz."""
     revolutions = 3000
     turns = np.arange(revolutions * POINTS + 1) / POINTS
     speed = np.sqrt(100.0**2 + (500.0**2 - 100.0**2) * turns / revolutions)  # an even rise in time
