@@ -67,7 +67,7 @@ _TO_RPM = 30.0 / math.pi
 class CascadePlot:
     """Cascade of one run.
 
-    The largest amplitude at each speed is kept, so that a coast-down does not overwrite the run-up.
+    The largest amplitude at each speed remains, so that a coast-down does not overwrite the run-up.
 
     Parameters
     ----------

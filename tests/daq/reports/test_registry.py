@@ -48,7 +48,7 @@ UP_AND_DOWN = {
     "run_out_um": 2.0,
 }
 OFTEN = {"order-spectrum", "orbit", "cascade", "envelopes", "overall"}  # the others in the campaign
-ASKED: dict[str, dict[str, Any]] = {"envelopes": {"orders": "0.45,1,2"}, "slow-roll": {"slow_roll_rpm": 1550}}
+PARAMETERS: dict[str, dict[str, Any]] = {"envelopes": {"orders": "0.45,1,2"}, "slow-roll": {"slow_roll_rpm": 1550}}
 OF_A_MOMENT = {"order-spectrum", "full-spectrum", "orbit", "waveforms", "average", "poincare"}
 WITHOUT_TACHO = {"overall", "frequency-spectrum"}
 
@@ -82,25 +82,25 @@ def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def given(bench: RecordedBench, kind: str, **asked: Any) -> Mapping[str, NDArray[Any]]:
-    """Ask for an analysis in full precision."""
-    answer = bench.get(f"/analyses/{kind}", format="npz", **asked)
+def npz_columns(bench: RecordedBench, kind: str, **parameters: Any) -> Mapping[str, NDArray[Any]]:
+    """Return the columns of an analysis in full precision."""
+    answer = bench.get(f"/analyses/{kind}", format="npz", **parameters)
     assert answer.status_code == 200, answer.text
     with np.load(io.BytesIO(answer.content)) as archive:
         return dict(archive)
 
 
-def untold(_doing: str, _part: float | None) -> None:
-    """Tell nobody."""
+def no_progress(_doing: str, _part: float | None) -> None:
+    """Progress callback that does nothing."""
 
 
 def whole(reader: RunReader) -> tuple[Acquisition, Codes]:
     return reader.header.acquisition, reader.samples(0, 0, reader.n_samples)
 
 
-def moment(reader: RunReader, revolutions: int, **at: float) -> AngularRecord:
-    """Return what the library makes of the samples about a moment."""
-    run = RunSamples(reader, untold)
+def library_record(reader: RunReader, revolutions: int, **at: float) -> AngularRecord:
+    """Return the angular record that the library computes for a time of the run."""
+    run = RunSamples(reader, no_progress)
     span, end = run.range_before_frame(0, at.get("time_s"), at.get("speed_rpm"), revolutions)
     made = angular_record_from_codes(reader.header.acquisition, reader.samples(0, span.first, span.stop))
     last = int(np.searchsorted(made.times + span.first / run.rate, end + 0.5 / run.rate)) - 1
@@ -114,25 +114,25 @@ def close(found: NDArray[Any], expected: NDArray[Any], *, rtol: float = 1e-6, at
 @pytest.mark.parametrize(
     "kind", [kind if kind in OFTEN else pytest.param(kind, marks=pytest.mark.campaign) for kind in KINDS]
 )
-def test_command_and_address_give_the_same_numbers(
+def test_command_and_rest_return_equal_numbers(
     bench: RecordedBench, kind: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = ASKED.get(kind, {})
-    answer = bench.get(f"/analyses/{kind}", **asked)
+    parameters = PARAMETERS.get(kind, {})
+    answer = bench.get(f"/analyses/{kind}", **parameters)
     assert answer.status_code == 200, answer.text
     document = AnalysisSchema.model_validate_json(answer.content)
     assert tuple(document.columns) == KINDS[kind].columns
     assert document.descriptions.keys() == {*document.columns, *document.figures}
     assert document.figures, "how good it is"
-    options = [part for name, value in asked.items() for part in (f"--{name.replace('_', '-')}", str(value))]
+    options = [part for name, value in parameters.items() for part in (f"--{name.replace('_', '-')}", str(value))]
     place = ["--folder", str(bench.folder), "--json"]
     assert main(["analyse", kind, RUN, *options, *place]) == 0
     assert json.loads(capsys.readouterr().out) == answer.json()
 
 
-def test_spectra_about_a_moment_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
-    lines = order_map(moment(reader, 16, speed_rpm=6000.0), overlap=0.0)
-    found = given(bench, "order-spectrum", speed_rpm=6000)
+def test_spectra_at_a_time_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
+    lines = order_map(library_record(reader, 16, speed_rpm=6000.0), overlap=0.0)
+    found = npz_columns(bench, "order-spectrum", speed_rpm=6000)
     close(found["order"], lines.orders)
     for row, probe in enumerate("xy"):
         close(found[f"amplitude_peak_{probe}_um"], np.abs(lines.spectrum[row, 0]) * 1e6)
@@ -140,29 +140,29 @@ def test_spectra_about_a_moment_are_the_librarys(bench: RecordedBench, reader: R
         close(found[f"lag_{probe}_deg"][strong], np.degrees(-np.angle(lines.spectrum[row, 0, strong])) % 360, rtol=1e-5)
     assert found["order"][np.argmax(found["amplitude_peak_x_um"])] == pytest.approx(0.45, abs=0.0625)
     full = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, probe_mismatch(lines))
-    found = given(bench, "full-spectrum", speed_rpm=6000)
+    found = npz_columns(bench, "full-spectrum", speed_rpm=6000)
     close(found["order"], full.axis)
     close(found["amplitude_peak_um"], full.amplitudes * 1e6)
 
 
-def test_spectrum_is_scaled_and_weighted_as_asked(bench: RecordedBench) -> None:
-    peak = given(bench, "order-spectrum", time_s=2.0, window="flat top")
-    double = given(bench, "order-spectrum", time_s=2.0, window="flat top", scaling="peak-to-peak")
+def test_spectrum_uses_requested_scaling_and_window(bench: RecordedBench) -> None:
+    peak = npz_columns(bench, "order-spectrum", time_s=2.0, window="flat top")
+    double = npz_columns(bench, "order-spectrum", time_s=2.0, window="flat top", scaling="peak-to-peak")
     close(double["amplitude_peak_to_peak_x_um"], 2.0 * peak["amplitude_peak_x_um"])
-    hann = given(bench, "order-spectrum", time_s=2.0)
+    hann = npz_columns(bench, "order-spectrum", time_s=2.0)
     assert np.abs(hann["amplitude_peak_x_um"] - peak["amplitude_peak_x_um"]).max() > 0.01
 
 
-def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+def test_frequency_spectrum_and_overall_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
     acquisition, codes = whole(reader)
     displacement = probe_displacement(acquisition, codes)
     lines = frequency_spectrum(displacement, acquisition.rate, resolution=2.0)
-    found = given(bench, "frequency-spectrum")
-    kept = lines.frequencies <= 2000.0
-    close(found["frequency_hz"], lines.frequencies[kept])
-    close(found["amplitude_peak_y_um"], lines.amplitudes[1, kept] * 1e6)
+    found = npz_columns(bench, "frequency-spectrum")
+    shown = lines.frequencies <= 2000.0
+    close(found["frequency_hz"], lines.frequencies[shown])
+    close(found["amplitude_peak_y_um"], lines.amplitudes[1, shown] * 1e6)
     level = overall(displacement, acquisition.rate, reader.header.limits.clearance)
-    found = given(bench, "overall")
+    found = npz_columns(bench, "overall")
     close(found["time_s"], level.times)
     close(found["peak_to_peak_x_um"], level.peak_to_peak[0] * 1e6)
     close(found["clearance_fraction_y"], level.clearance_fraction[1])
@@ -170,17 +170,17 @@ def test_frequency_spectrum_and_overall_are_the_librarys(bench: RecordedBench, r
     close(found["speed_rpm"][middle], 1500 + 3125 * (found["time_s"][middle] - 0.6), rtol=0.02)
 
 
-def test_cascade_and_waterfall_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+def test_cascade_and_waterfall_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
     lines = order_map(angular_record_from_codes(*whole(reader)), highest_order=4.0)
     speeds, rows = full_cascade(lines, 200.0 * RPM, probe_mismatch(lines))
-    found = given(bench, "cascade", lines="full")
+    found = npz_columns(bench, "cascade", lines="full")
     close(np.unique(found["speed_rpm"]), speeds / RPM)
     close(found["amplitude_peak_um"].reshape(speeds.size, -1), rows.amplitudes * 1e6, rtol=1e-5, atol=1e-6)
-    found = given(bench, "waterfall", rows=400)
+    found = npz_columns(bench, "waterfall", rows=400)
     assert np.unique(found["time_s"]).size <= 400
     largest = lines.amplitudes().max(axis=(0, 1)) * 1e6
     close(found["amplitude_peak_um"].reshape(-1, lines.orders.size).max(axis=0), largest, rtol=1e-5, atol=1e-6)
-    hertz = given(bench, "waterfall", lines="frequencies")
+    hertz = npz_columns(bench, "waterfall", lines="frequencies")
     times = np.unique(hertz["time_s"])
     then = hertz["time_s"] == times[np.argmin(np.abs(times - 2.6))]
     strongest = hertz["frequency_hz"][then][np.argmax(hertz["amplitude_peak_um"][then])]
@@ -188,11 +188,11 @@ def test_cascade_and_waterfall_are_the_librarys(bench: RecordedBench, reader: Ru
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 0.45])
-def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
+def test_vectors_over_speed_equal_library_results_for_run_up_and_run_down(
     bench: RecordedBench, reader: RunReader, order: float
 ) -> None:
     curves = speed_curves(track_order(angular_record_from_codes(*whole(reader)), order), 100.0 * RPM)
-    found = given(bench, "bode", order=order)
+    found = npz_columns(bench, "bode", order=order)
     assert set(found["ramp_direction"]) == {"run-up", "run-down"}
     for curve in curves:
         here = found["ramp_direction"] == curve.direction.value
@@ -200,32 +200,32 @@ def test_vectors_over_speed_are_the_librarys_run_up_and_run_down_apart(
         for row, probe in enumerate("xy"):
             close(found[f"amplitude_peak_{probe}_um"][here], curve.amplitudes[row] * 1e6, rtol=1e-4, atol=1e-5)
             close(found[f"sigma_peak_{probe}_um"][here], curve.sigma[row] * 1e6, rtol=1e-3, atol=1e-5)
-    drawn = given(bench, "polar", order=order)
+    drawn = npz_columns(bench, "polar", order=order)
     close(drawn["lag_x_deg"], np.asarray(found["lag_x_deg"]))
 
 
-def test_run_out_of_the_slow_roll_is_taken_off_where_that_is_asked(bench: RecordedBench, reader: RunReader) -> None:
+def test_slow_roll_parameter_subtracts_run_out(bench: RecordedBench, reader: RunReader) -> None:
     record = angular_record_from_codes(*whole(reader))
     begin = int(np.argmax(record.times > 0.7))
     roll = slow_roll(record.section(0, begin), 0.0, 1550.0 * RPM)
-    found = given(bench, "slow-roll", slow_roll_rpm=1550)
+    found = npz_columns(bench, "slow-roll", slow_roll_rpm=1550)
     close(found["runout_x_um"], roll.waveform[0] * 1e6, rtol=0.02, atol=0.03)
     assert np.ptp(found["runout_x_um"]) > 3.0
-    asked = {"order": 1.0, "duration_s": 3.0}
-    measured = given(bench, "bode", **asked)
-    left = given(bench, "bode", **asked, slow_roll_rpm=1550)
+    parameters = {"order": 1.0, "duration_s": 3.0}
+    measured = npz_columns(bench, "bode", **parameters)
+    left = npz_columns(bench, "bode", **parameters, slow_roll_rpm=1550)
     vectors = [one["amplitude_peak_x_um"] * np.exp(-1j * np.radians(one["lag_x_deg"])) for one in (measured, left)]
     np.testing.assert_allclose((vectors[0] - vectors[1]) / 1e6, roll.vectors(1)[0], atol=0.06e-6)
     answer = bench.get("/analyses/bode", slow_roll_rpm=1550, format="svg")
     assert "compensated" in answer.text
 
 
-def test_orbits_are_the_librarys_and_parts_of_each_other(bench: RecordedBench, reader: RunReader) -> None:
-    made = direct_orbit(moment(reader, 16, speed_rpm=7000.0))
-    direct = given(bench, "orbit", speed_rpm=7000)
+def test_orbits_equal_library_results_and_sum_up(bench: RecordedBench, reader: RunReader) -> None:
+    made = direct_orbit(library_record(reader, 16, speed_rpm=7000.0))
+    direct = npz_columns(bench, "orbit", speed_rpm=7000)
     close(direct["X_um"], made.motion[0].ravel() * 1e6, atol=1e-6)
-    one = given(bench, "orbit", speed_rpm=7000, filter="orders", orders="1")
-    rest = given(bench, "orbit", speed_rpm=7000, filter="rest", orders="1")
+    one = npz_columns(bench, "orbit", speed_rpm=7000, filter="orders", orders="1")
+    rest = npz_columns(bench, "orbit", speed_rpm=7000, filter="rest", orders="1")
     total = one["Y_um"] + rest["Y_um"]
     close(total - total.mean(), direct["Y_um"] - direct["Y_um"].mean(), atol=1e-6)
     figures = bench.get("/analyses/orbit", speed_rpm=7000, filter="orders").json()["figures"]
@@ -233,28 +233,28 @@ def test_orbits_are_the_librarys_and_parts_of_each_other(bench: RecordedBench, r
     assert figures["sigma_peak_um"] < 0.1
 
 
-def test_revolutions_and_points_at_the_mark_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
-    mean = synchronous_average(moment(reader, 32, time_s=2.5))
-    found = given(bench, "average", time_s=2.5, revolutions=32)
+def test_average_and_keyphasor_points_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
+    mean = synchronous_average(library_record(reader, 32, time_s=2.5))
+    found = npz_columns(bench, "average", time_s=2.5, revolutions=32)
     expected = mean.waveform - mean.waveform.mean(axis=1, keepdims=True)
     close(found["average_x_um"], expected[0] * 1e6, atol=1e-6)
-    section = poincare_section(moment(reader, 64, time_s=2.5))
-    found = given(bench, "poincare", time_s=2.5, revolutions=64)
+    section = poincare_section(library_record(reader, 64, time_s=2.5))
+    found = npz_columns(bench, "poincare", time_s=2.5, revolutions=64)
     close(found["X_um"], section.points[0] * 1e6, atol=1e-6)
     speeds, positions = bifurcation_diagram(angular_record_from_codes(*whole(reader)))
-    found = given(bench, "bifurcation")
+    found = npz_columns(bench, "bifurcation")
     close(found["speed_rpm"], speeds / RPM)
     close(found["Y_um"], positions[1] * 1e6, atol=1e-6)
 
 
-def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBench, reader: RunReader) -> None:
+def test_centreline_and_components_below_1x_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
     record = angular_record_from_codes(*whole(reader))
     line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
-    found = given(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
+    found = npz_columns(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
     close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
     close(found["eccentricity_ratio"], line.eccentricity_ratio)
     tracks = subsynchronous_tracks(order_map(record, highest_order=2.0))
-    found = given(bench, "sub-synchronous")
+    found = npz_columns(bench, "sub-synchronous")
     assert len(tracks) >= 1
     close(found["order"], np.array([track.order for track in tracks]), rtol=1e-5)
     close(found["onset_rpm"], np.array([track.onset_speed for track in tracks]) / RPM)
@@ -262,13 +262,13 @@ def test_centreline_and_components_below_1x_are_the_librarys(bench: RecordedBenc
     assert found["onset_rpm"][0] == pytest.approx(5000, rel=0.05)
 
 
-def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: RecordedBench, reader: RunReader) -> None:
+def test_envelopes_equal_library_results_and_waveforms_match_them(bench: RecordedBench, reader: RunReader) -> None:
     acquisition, codes = whole(reader)
-    run = RunSamples(reader, untold)
+    run = RunSamples(reader, no_progress)
     angle = run.shaft_angle(SampleRange(0, 0, reader.n_samples))[1]
     displacement = probe_displacement(acquisition, codes)
     times, (x, _) = probe_envelopes(displacement, acquisition.rate, angle, (0.45, 1.0), bandwidth=6.0)
-    found = given(bench, "envelopes", orders="0.45,1", bandwidth_hz=6, entries=200)
+    found = npz_columns(bench, "envelopes", orders="0.45,1", bandwidth_hz=6, entries=200)
     shown = found["time_s"][found["order"] == 1.0]
     assert shown.size == 200
     inner = slice(1, -1)  # the ends lie between no two of the library's
@@ -278,25 +278,25 @@ def test_envelopes_are_the_librarys_and_waveforms_their_sum_of_parts(bench: Reco
         close(found["amplitude_peak_x_um"][here][inner], expected[inner], rtol=1e-3, atol=1e-3)
         sigma = np.interp(shown, times, x.sigma[row]) * 1e6
         close(found["sigma_peak_x_um"][here][inner], sigma[inner], rtol=1e-3)
-    waves = given(bench, "waveforms", orders="0.45,1", time_s=2.6, bandwidth_hz=6)
+    waves = npz_columns(bench, "waveforms", orders="0.45,1", time_s=2.6, bandwidth_hz=6)
     size = np.ptp(waves["displacement_x_um"][waves["order"] == 0.45]) / 2
     assert size == pytest.approx(12.0, rel=0.05)
 
 
-def test_envelopes_solved_for_in_pieces_are_those_of_all_at_once(reader: RunReader) -> None:
-    told: list[float | None] = []
-    run = RunSamples(reader, lambda doing, part: told.append(part) if doing.startswith("solving") else None)
+def test_envelopes_solved_in_pieces_equal_single_solution(reader: RunReader) -> None:
+    output: list[float | None] = []
+    run = RunSamples(reader, lambda doing, part: output.append(part) if doing.startswith("solving") else None)
     span, chosen = run.sample_range(0), OrderFilter((0.45, 1.0), 20.0, None)
     angle, wanted = run.shaft_angle(span)[1], np.linspace(0.5, 4.5, 300)
     once = solve_orders(run, span, angle, wanted, chosen, min_duration=10.0)
-    assert told == [1.0]
+    assert output == [1.0]
     pieces = solve_orders(run, span, angle, wanted, chosen, min_duration=0.5)
-    assert told[1:] == [0.5, 1.0]
+    assert output[1:] == [0.5, 1.0]
     np.testing.assert_allclose(pieces.envelopes, once.envelopes, atol=2e-11)
 
 
-def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader) -> None:
-    pieces = RunSamples(reader, untold, chunk_size=7_000).angular_record(SampleRange(0, 0, reader.n_samples))
+def test_samples_read_in_chunks_give_equal_record(reader: RunReader) -> None:
+    pieces = RunSamples(reader, no_progress, chunk_size=7_000).angular_record(SampleRange(0, 0, reader.n_samples))
     once = angular_record_from_codes(*whole(reader))
     assert pieces.first_turn == once.first_turn
     np.testing.assert_allclose(pieces.times, once.times, atol=1e-12)
@@ -304,9 +304,9 @@ def test_samples_read_in_pieces_give_the_record_of_all_at_once(reader: RunReader
     assert pieces.clipped == once.clipped
 
 
-def test_part_of_a_run_is_that_part(bench: RecordedBench) -> None:
-    part = given(bench, "bifurcation", from_s=2.0, duration_s=1.0)
-    everything = given(bench, "bifurcation")
+def test_time_interval_returns_part_of_run(bench: RecordedBench) -> None:
+    part = npz_columns(bench, "bifurcation", from_s=2.0, duration_s=1.0)
+    everything = npz_columns(bench, "bifurcation")
     assert part["time_s"].min() >= 2.0
     assert part["time_s"].max() <= 3.0
     same = np.isin(np.round(everything["time_s"], 4), np.round(part["time_s"], 4))
@@ -314,17 +314,17 @@ def test_part_of_a_run_is_that_part(bench: RecordedBench) -> None:
 
 
 def test_progress_rises_while_samples_are_read(reader: RunReader) -> None:
-    told: list[tuple[str, float | None]] = []
-    run = RunSamples(reader, lambda doing, part: told.append((doing, part)), chunk_size=10_000)
+    output: list[tuple[str, float | None]] = []
+    run = RunSamples(reader, lambda doing, part: output.append((doing, part)), chunk_size=10_000)
     KINDS["bifurcation"].analyse(run, KINDS["bifurcation"].parameters())
-    parts = [part for doing, part in told if doing == "reading samples against angle" and part is not None]
+    parts = [part for doing, part in output if doing == "reading samples against angle" and part is not None]
     assert len(parts) > 5
     assert parts == sorted(parts)
     assert parts[-1] == 1.0
 
 
 def done(bench: RecordedBench, **order: object) -> Any:
-    """Have a job done; return its result's answer."""
+    """Run a job and return the response with its result."""
     begun = bench.client.post(f"{API}/jobs", json={"kind": "result", "run": RUN, **order})
     assert begun.status_code == 202, begun.text
     place = begun.headers["location"]
@@ -335,10 +335,10 @@ def done(bench: RecordedBench, **order: object) -> Any:
     return bench.client.get(job["result"])
 
 
-def test_job_makes_the_very_answer_of_an_address_and_draws_it(bench: RecordedBench) -> None:
-    asked = {"orders": "0.45,1,2"}
-    made = done(bench, path="analyses/envelopes", parameters=asked)
-    assert made.json() == bench.get("/analyses/envelopes", **asked).json()
+def test_job_result_equals_direct_response_and_can_be_plotted(bench: RecordedBench) -> None:
+    parameters = {"orders": "0.45,1,2"}
+    made = done(bench, path="analyses/envelopes", parameters=parameters)
+    assert made.json() == bench.get("/analyses/envelopes", **parameters).json()
     drawn = done(bench, path="analyses/bifurcation", parameters={"format": "svg"})
     assert drawn.headers["content-type"] == "image/svg+xml"
     assert drawn.text == bench.get("/analyses/bifurcation", format="svg").text
@@ -346,12 +346,12 @@ def test_job_makes_the_very_answer_of_an_address_and_draws_it(bench: RecordedBen
     assert bench.client.post(f"{API}/jobs", json=wrong).status_code == 422
 
 
-def test_forms_are_sent_as_asked_for_by_parameter_or_header(bench: RecordedBench) -> None:
+def test_format_follows_parameter_or_accept_header(bench: RecordedBench) -> None:
     pa = pytest.importorskip("pyarrow.ipc", reason="the extra `formats` is not installed")
     sent = bench.get("/analyses/bode", {"Accept": "application/vnd.apache.arrow.stream"})
     table = pa.open_stream(sent.content).read_all()
     assert table.schema.field("speed_rpm").metadata[b"unit"].decode() == "r/min"
-    assert table.column("speed_rpm").to_pylist() == given(bench, "bode")["speed_rpm"].tolist()
+    assert table.column("speed_rpm").to_pylist() == npz_columns(bench, "bode")["speed_rpm"].tolist()
     assert "Accept" in sent.headers["vary"]
     assert bench.get("/analyses/bode", {"Accept": "image/png"}).content.startswith(b"\x89PNG")
     assert bench.get("/analyses/bode", {"Accept": "text/html"}).status_code == 406
@@ -360,7 +360,7 @@ def test_forms_are_sent_as_asked_for_by_parameter_or_header(bench: RecordedBench
 
 
 @pytest.mark.parametrize(
-    ("kind", "asked", "status", "said"),
+    ("kind", "parameters", "status", "message"),
     [
         ("bode", {"order": 60}, 409, "order 60 reaches 8,967 Hz"),
         ("poincare", {"revolutions": 4000}, 409, "expected at least 4000"),
@@ -372,41 +372,46 @@ def test_forms_are_sent_as_asked_for_by_parameter_or_header(bench: RecordedBench
         ("orbit", {"orders": "one"}, 422, ""),
     ],
 )
-def test_what_the_samples_do_not_tell_is_said(
-    bench: RecordedBench, kind: str, asked: dict[str, Any], status: int, said: str, capsys: pytest.CaptureFixture[str]
+def test_insufficient_data_is_reported_with_values(
+    bench: RecordedBench,
+    kind: str,
+    parameters: dict[str, Any],
+    status: int,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    answer = bench.get(f"/analyses/{kind}", **asked)
+    answer = bench.get(f"/analyses/{kind}", **parameters)
     assert answer.status_code == status, answer.text
-    assert said in answer.json()["detail"]
-    options = [part for name, value in asked.items() for part in (f"--{name.replace('_', '-')}", str(value))]
+    assert message in answer.json()["detail"]
+    options = [part for name, value in parameters.items() for part in (f"--{name.replace('_', '-')}", str(value))]
     assert main(["analyse", kind, RUN, *options, "--folder", str(bench.folder)]) == (1 if status == 409 else 2)
-    told = capsys.readouterr().err
-    assert said in told
-    assert told.startswith("rig: ")
-    assert len(told.splitlines()) == 1
+    output = capsys.readouterr().err
+    assert message in output
+    assert output.startswith("rig: ")
+    assert len(output.splitlines()) == 1
 
 
-def test_run_without_a_tacho_tells_what_needs_none(silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_without_tacho_allows_analyses_that_need_none(silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for kind in KINDS:
         code = main(["analyse", kind, RUN, "--folder", str(silent)])
-        told = capsys.readouterr()
+        output = capsys.readouterr()
         if kind in WITHOUT_TACHO:
             assert code == 0
-            assert RUN in told.out
+            assert RUN in output.out
         else:
             assert code == 1, kind
-            assert told.err.startswith("rig: ")
-            assert re.search("tacho|speed is unknown", told.err)
-            assert len(told.err.splitlines()) == 1
+            assert output.err.startswith("rig: ")
+            assert re.search("tacho|speed is unknown", output.err)
+            assert len(output.err.splitlines()) == 1
 
 
-def test_command_draws_and_keeps_and_writes_nothing_over(
+def test_command_writes_plots_and_tables_without_overwriting(
     bench: RecordedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     names = ("orbit.svg", "orbit.png", "orbit.csv", "orbit.parquet")
     files = [part for name in names for part in ("-o", str(tmp_path / name))]
-    asked = ["analyse", "orbit", RUN, "--time-s", "2.5", "--folder", str(bench.folder)]
-    assert main([*asked, *files]) == 0
+    parameters = ["analyse", "orbit", RUN, "--time-s", "2.5", "--folder", str(bench.folder)]
+    assert main([*parameters, *files]) == 0
     out = capsys.readouterr().out
     assert "24 of 256 rows" in out
     assert "jitter_us" in out
@@ -414,16 +419,16 @@ def test_command_draws_and_keeps_and_writes_nothing_over(
         "/analyses/orbit", time_s=2.5, format="svg"
     ).text
     rows = np.loadtxt(tmp_path / "orbit.csv", delimiter=",", skiprows=_heading(tmp_path / "orbit.csv"))
-    np.testing.assert_array_equal(rows[:, 3], given(bench, "orbit", time_s=2.5)["X_um"])
-    kept = (tmp_path / "orbit.csv").read_bytes()
-    for file, said in (
+    np.testing.assert_array_equal(rows[:, 3], npz_columns(bench, "orbit", time_s=2.5)["X_um"])
+    shown = (tmp_path / "orbit.csv").read_bytes()
+    for file, message in (
         ("orbit.csv", "exists already"),
         ("orbit.pdf", "expected a name that ends with"),
         ("no/a.svg", "no folder"),
     ):
-        assert main([*asked, "-o", str(tmp_path / file)]) == 2
-        assert said in capsys.readouterr().err
-    assert (tmp_path / "orbit.csv").read_bytes() == kept
+        assert main([*parameters, "-o", str(tmp_path / file)]) == 2
+        assert message in capsys.readouterr().err
+    assert (tmp_path / "orbit.csv").read_bytes() == shown
 
 
 def _heading(file: Path) -> int:
@@ -432,11 +437,11 @@ def _heading(file: Path) -> int:
     return 1 + next(number for number, line in enumerate(lines) if not line.startswith("#"))
 
 
-def test_every_wrong_option_is_named(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_all_invalid_options_are_reported_together(bench: RecordedBench, capsys: pytest.CaptureFixture[str]) -> None:
     wrong = ["--order", "abc", "--width-rpm", "-5", "--from-s", "inf"]
     assert main(["analyse", "bode", RUN, *wrong, "--folder", str(bench.folder)]) == 2
-    told = capsys.readouterr().err
-    assert all(option in told for option in ("--order abc", "--width-rpm -5", "--from-s inf"))
+    output = capsys.readouterr().err
+    assert all(option in output for option in ("--order abc", "--width-rpm -5", "--from-s inf"))
     assert main(["analyse", "orbit", RUN, "--orders", "1;2", "--folder", str(bench.folder)]) == 2
     assert "expected numbers with commas" in capsys.readouterr().err
     assert main(["analyse", "orbit", "no-such-run", "--folder", str(bench.folder)]) == 2
@@ -444,18 +449,18 @@ def test_every_wrong_option_is_named(bench: RecordedBench, capsys: pytest.Captur
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_help_of_every_kind_names_its_options(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_of_every_kind_lists_its_options(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(["analyse", kind, "--help"])
     assert ended.value.code == 0
-    told = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     for field in KINDS[kind].parameters.model_fields:
-        assert (f"--{field.replace('_', '-')}" in told) == (field != "format")
-    assert "404" not in told
-    assert "`" not in told
+        assert (f"--{field.replace('_', '-')}" in output) == (field != "format")
+    assert "404" not in output
+    assert "`" not in output
 
 
-def test_moments_without_a_name_are_those_of_the_largest_vibration(bench: RecordedBench) -> None:
+def test_default_frame_has_the_largest_vibration(bench: RecordedBench) -> None:
     largest = bench.get("/orbit").json()["frame"]
     for kind in OF_A_MOMENT:
         title = bench.get(f"/analyses/{kind}").json()["title"]

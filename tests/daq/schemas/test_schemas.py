@@ -1,4 +1,4 @@
-"""Documents: units, phase, what is not known, and that JSON never holds what JSON has not."""
+"""Schemas: units, phase lag, null for unknown values, valid JSON."""
 
 import json
 import math
@@ -31,14 +31,14 @@ def strict(text: str) -> object:
     return json.loads(text, parse_constant=refuse)
 
 
-def test_units_turn_si_into_what_the_bench_reads() -> None:
+def test_units_convert_from_si() -> None:
     assert micrometres(12.34567e-6) == 12.3457
     assert rpm(1000.0 * RPM) == 1000.0
     assert utc_time(1_795_511_527_250_000_999).isoformat() == "2026-11-24T09:12:07.250000+00:00"
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_units_turn_what_is_not_finite_into_none(value: float) -> None:
+def test_units_convert_non_finite_values_to_none(value: float) -> None:
     assert (finite(value), micrometres(value), rpm(value), lag_degrees(complex(value, 1.0))) == (None,) * 4
 
 
@@ -53,11 +53,11 @@ def test_lag_never_reaches_360(real: float, imaginary: float) -> None:
     assert lag is None or 0.0 <= lag < 360.0
 
 
-def test_vector_without_length_has_no_lag() -> None:
+def test_zero_vector_has_no_lag() -> None:
     assert lag_degrees(0j) is None
 
 
-def test_live_document_tells_the_measurement_in_its_units() -> None:
+def test_live_schema_converts_measurement_to_field_units() -> None:
     snapshot = UPDATE.snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
@@ -72,7 +72,7 @@ def test_live_document_tells_the_measurement_in_its_units() -> None:
     assert measured.probe_x.gap_v == 5.1
 
 
-def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
+def test_live_schema_contains_whirl_frequency_amplitude_and_direction() -> None:
     snapshot = UPDATE.snapshot
     assert snapshot is not None
     assert snapshot.frame is not None
@@ -88,7 +88,7 @@ def test_live_document_tells_a_whirls_frequency_size_and_direction() -> None:
     assert measured.whirl.direction == "backward"
 
 
-def test_live_document_before_the_first_result_has_none() -> None:
+def test_live_schema_before_first_result_has_null_measurement() -> None:
     document = live_schema(LiveUpdate(UPDATE.header, UPDATE.status))
     assert document.measured is None
     assert document.predicted is None
@@ -96,7 +96,7 @@ def test_live_document_before_the_first_result_has_none() -> None:
 
 
 @given(ANY, ANY, ANY, ANY)
-def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: float, real: float, order: float) -> None:
+def test_live_schema_is_valid_json_for_any_numbers(speed: float, level: float, real: float, order: float) -> None:
     snapshot, prediction = UPDATE.snapshot, UPDATE.prediction
     assert snapshot is not None
     assert snapshot.frame is not None
@@ -120,7 +120,7 @@ def test_live_document_is_json_whatever_the_numbers_are(speed: float, level: flo
     assert strict(document.model_dump_json()) == document.model_dump(mode="json")
 
 
-def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
+def test_summary_schema_has_null_for_unknown_values_and_is_valid_json() -> None:
     document = summary_schema(make_summary())
     assert document.highest_speed_rpm is None
     assert document.probes[1].gap_mean_v is None
@@ -133,7 +133,7 @@ def test_summary_document_has_none_for_what_is_not_known_and_is_json() -> None:
     assert strict(document.model_dump_json()) == document.model_dump(mode="json")
 
 
-def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
+def test_summary_schema_contains_agreement_with_model() -> None:
     agreement = summary_schema(make_summary(), make_agreement()).agreement
     assert agreement is not None
     assert agreement.synchronous is not None
@@ -146,24 +146,24 @@ def test_summary_document_tells_where_the_model_agrees_and_where_not() -> None:
     assert agreement.instability_onset_rpm is None
 
 
-def test_summary_document_without_a_prediction_has_no_agreement() -> None:
+def test_summary_schema_without_prediction_has_no_agreement() -> None:
     assert summary_schema(make_summary()).agreement is None
 
 
-def test_summary_document_reads_back_as_it_was_written() -> None:
+def test_summary_schema_round_trips_through_json() -> None:
     document = summary_schema(make_summary(), make_agreement())
     assert type(document).model_validate_json(document.model_dump_json()) == document
     assert type(document).model_validate(document.model_dump(mode="json")) == document
 
 
-def test_summary_document_tells_losses_that_are_a_lower_bound() -> None:
+def test_summary_schema_flags_lost_samples_as_lower_bound() -> None:
     document = summary_schema(make_summary())
     assert (document.is_gap_free, document.lost_samples, document.lost_is_exact) == (False, 2000, False)
     assert document.segments[0].end_reason == "overrun"
     assert document.segments[0].detail == "driver code -200279"
 
 
-def test_run_document_of_a_file_that_cannot_be_read_says_so_and_nothing_else() -> None:
+def test_run_schema_of_unreadable_file_has_fault_and_null_values() -> None:
     document = run_schema(make_entries()[-1])
     assert document.fault
     assert {document.rig, document.note, document.device, document.duration_s, document.samples} == {None}

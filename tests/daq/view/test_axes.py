@@ -15,11 +15,11 @@ from daq.view.traces import min_max_decimated
 @pytest.mark.parametrize(
     ("span", "count", "step"), [(100.0, 5, 20.0), (3.0, 6, 0.5), (20_000.0, 8, 5_000.0), (7.0, 5, 2.0)]
 )
-def test_tick_step_is_round_and_gives_no_more_ticks_than_asked(span: float, count: int, step: float) -> None:
+def test_tick_step_is_round_and_limits_number_of_ticks(span: float, count: int, step: float) -> None:
     assert math.isclose(tick_step(span, count), step)
 
 
-def test_ticks_are_labelled_with_as_many_digits_as_they_need() -> None:
+def test_tick_labels_have_required_digits() -> None:
     axis = Axis(0.0, 1.0, "amplitude, µm", ticks=5)
     assert [axis.label(value) for value in axis.values()] == ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]
     assert [Axis(-50.0, 50.0, "", ticks=4).label(v) for v in Axis(-50.0, 50.0, "", ticks=4).values()] == [
@@ -30,12 +30,12 @@ def test_ticks_are_labelled_with_as_many_digits_as_they_need() -> None:
     assert Axis(0.0, 20_000.0, "").label(5_000.0) == "5,000"
 
 
-def test_values_are_placed_with_y_up_and_held_at_the_end_of_the_axis() -> None:
+def test_values_are_placed_with_y_up_and_clipped_to_axis() -> None:
     plot = Plot(0.0, 0.0, 100.0, 50.0, Axis(0.0, 10.0, "x"), Axis(0.0, 5.0, "y"), font_size=5.0)
     assert np.allclose(plot.place([0.0, 10.0, 5.0], [0.0, 5.0, 99.0]), [(0.0, 50.0), (100.0, 0.0), (50.0, 0.0)])
 
 
-def test_scale_grows_at_once_and_shrinks_only_after_a_while() -> None:
+def test_scale_grows_at_once_and_shrinks_with_delay() -> None:
     reach = AutoScale(minimum=2.0, patience=3)
     assert reach.follow(30.0) >= 30.0
     high = reach.end
@@ -48,33 +48,33 @@ def test_changing_digits_do_not_change_the_width() -> None:
     assert math.isclose(text_width("11,111"), text_width("20,888"))
 
 
-def test_letters_stand_on_the_line_and_capitals_are_one_high() -> None:
+def test_glyphs_stand_on_baseline_with_capitals_of_height_one() -> None:
     points = np.concatenate(text_strokes("H8"))
     assert math.isclose(points[:, 1].min(), 0.0)
     assert math.isclose(points[:, 1].max(), 1.0)
     assert math.isclose(points[:, 0].max(), text_width("H8"))
 
 
-def test_unknown_letter_is_seen_as_a_box() -> None:
+def test_unknown_character_is_drawn_as_box() -> None:
     assert len(text_strokes("油")) == 1
 
 
-def test_thinning_keeps_the_highest_and_lowest_sample_in_order() -> None:
+def test_min_max_decimation_retains_extremes_in_order() -> None:
     values = np.zeros(10_000)
     values[4_321], values[4_322] = 7.0, -7.0
-    index, kept = min_max_decimated(values, 600)
-    assert kept.size <= 600
-    assert kept.max() == 7.0
-    assert kept.min() == -7.0
+    index, extremes = min_max_decimated(values, 600)
+    assert extremes.size <= 600
+    assert extremes.max() == 7.0
+    assert extremes.min() == -7.0
     assert np.all(np.diff(index) >= 0)
 
 
-def test_phase_is_written_as_lag() -> None:
+def test_phase_lag_is_minus_argument() -> None:
     assert math.isclose(float(phase_lag(np.asarray(np.exp(-0.5j * math.pi)))), 90.0)
     assert vector(12e-6 * complex(np.exp(0.5j * math.pi))) == "12 µm, 270°"
 
 
-def test_quantities_are_written_for_the_operator() -> None:
+def test_quantities_are_formatted_for_operator() -> None:
     assert rpm(11_042 * math.pi / 30.0) == "11,042"
     assert (clock(161.9), clock(3_761.0)) == ("02:41", "1:02:41")
     assert (disk_time(41 * 3_600.0), disk_time(1_500.0), disk_time(math.inf)) == ("41 h", "25 min", "not written")

@@ -59,13 +59,13 @@ WAY_UP = [(speed, UP) for speed in range(1_000, 15_000, 50)]
 WAY_DOWN = [(speed, DOWN) for speed in range(15_000, 1_000, -50)]
 
 
-def test_run_up_stays_whole_where_it_was_when_the_run_down_comes_in_dashes() -> None:
+def test_run_up_stays_solid_while_run_down_is_dashed() -> None:
     whole, dashes = levels(plot_of(WAY_UP + WAY_DOWN))
     assert whole == pytest.approx([UP * 1e6], abs=0.01)
     assert dashes > 20
 
 
-def test_run_up_alone_has_no_dashes_and_no_word_of_a_run_down() -> None:
+def test_run_up_only_has_no_dashes_and_no_run_down_legend() -> None:
     plot = plot_of(WAY_UP)
     whole, dashes = levels(plot)
     assert whole == pytest.approx([UP * 1e6], abs=0.01)
@@ -73,30 +73,30 @@ def test_run_up_alone_has_no_dashes_and_no_word_of_a_run_down() -> None:
     assert not plot.follow()[2]
 
 
-def test_legend_tells_the_lines_apart_once_the_speed_has_turned() -> None:
+def test_legend_explains_dashes_after_reversal() -> None:
     up, both = plot_of(WAY_UP), plot_of(WAY_UP + WAY_DOWN)
     assert both.follow()[2]
     assert len(strips(both.axes())) > len(strips(up.axes())) + 20  # the strokes of its words
 
 
-def test_second_run_up_takes_the_place_of_the_first_alone() -> None:
+def test_second_run_up_replaces_only_first_run_up() -> None:
     again = [(speed, 5e-6) for speed in range(1_000, 15_000, 50)]
     whole, dashes = levels(plot_of(WAY_UP + WAY_DOWN + again))
     assert whole == pytest.approx([5.0], abs=0.01)
     assert dashes > 20
 
 
-def test_air_that_wanders_about_a_held_speed_makes_no_run_down() -> None:
+def test_fluctuation_about_steady_speed_is_no_run_down() -> None:
     held = [(14_950.0 + 60.0 * math.sin(0.3 * k), UP) for k in range(200)]
     assert not plot_of(WAY_UP + held).follow()[2]
 
 
-def test_scale_holds_all_that_is_drawn_however_little_moves_now() -> None:
+def test_scale_includes_all_plotted_vectors() -> None:
     plot = plot_of(WAY_UP + [(speed, 1e-6) for speed in range(14_000, 1_000, -50)])
     assert [plot.follow()[0] for _ in range(10)] == [30.0] * 10
 
 
-def test_speed_or_vectors_that_are_not_known_are_not_drawn() -> None:
+def test_unknown_speed_or_vectors_are_not_drawn() -> None:
     plot = plot_of([(math.nan, UP), *WAY_UP, (14_990.0, math.nan)])
     assert levels(plot)[0]
     assert not plot.follow()[2]

@@ -1,4 +1,4 @@
-"""What a reader of a drawn study must be able to tell."""
+"""Plots of model studies: legend, labels, distinguishable curves."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from model.studies.thesis.report import Curve, Figure
 X = np.linspace(0.0, 1.0, 50)
 
 
-def test_legend_stands_beside_the_lines() -> None:
+def test_legend_is_beside_lines() -> None:
     figure = draw([Plot("title", "x", "y", (Series("one", X, X), Series("two", X, 1 - X)))])
     figure.draw_without_rendering()
     (axes,) = figure.axes
@@ -23,7 +23,7 @@ def test_legend_stands_beside_the_lines() -> None:
     assert legend.get_window_extent().x1 <= figure.bbox.x1
 
 
-def test_numbers_on_axes_are_whole() -> None:
+def test_axis_labels_are_complete() -> None:
     figure = draw([Plot("title", "x", "y", (Series("", 8000 * X, 89.99 + 1e-3 * X),))])
     figure.draw_without_rendering()
     (axes,) = figure.axes
@@ -40,7 +40,7 @@ def test_plot_without_lines_says_why() -> None:
     assert axes.get_xticks().size == 0
 
 
-def test_equal_curves_can_be_told_apart() -> None:
+def test_equal_curves_are_distinguishable() -> None:
     _, (plot,) = captioned_plot(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
     (axes,) = draw([plot]).axes
     assert len({str(line.get_linestyle()) + str(line.get_linewidth()) for line in axes.lines}) == 3

@@ -21,7 +21,7 @@ from tests.daq.support.recorded_bench import record_run
 SPEED = 520.0  # rad/s
 
 
-def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig: RigFactory, tmp_path: Path) -> None:
+def test_updates_at_steady_speed_have_exact_prediction(rig: RigFactory, tmp_path: Path) -> None:
     rpm = SPEED * 30 / np.pi
     steady = [{"time_s": 0.0, "speed_rpm": rpm}, {"time_s": 2.0, "speed_rpm": rpm}]
     path = record_run(rig(simulation={"profile": steady}), tmp_path)
@@ -45,7 +45,7 @@ def test_frames_of_a_shaft_that_stays_at_a_speed_carry_the_exact_prediction(rig:
     assert abs(document.predicted.speed_rpm - document.measured.speed_rpm) < 1e-3 * rpm
 
 
-def test_operator_reads_whether_the_overlay_is_exact() -> None:
+def test_details_state_whether_prediction_is_exact() -> None:
     update = make_live_updates(60)[-1]
     assert update.prediction is not None
     assert "model: ready; interpolated; oil film" in details(update)

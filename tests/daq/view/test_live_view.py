@@ -1,4 +1,4 @@
-"""The live view takes frames at once whatever becomes of its thread, and ends when it is told to."""
+"""Live view: non-blocking offer, dropped updates, clean shutdown."""
 
 import importlib.util
 import os
@@ -31,7 +31,7 @@ _LAVAPIPE = Path("/usr/share/vulkan/icd.d") / f"lvp_icd.{platform.machine()}.jso
 
 
 class StallingHeader:
-    """A run's header whose name is not to be had before the gate opens: whoever draws it is held up."""
+    """Run header that blocks access to its name until the gate opens, to stall drawing."""
 
     def __init__(self) -> None:
         self.gate = threading.Event()
@@ -72,18 +72,18 @@ def _is_taken(port: int) -> bool:
     return False
 
 
-def test_address_opens_the_viewer_with_the_data_and_no_welcome(view: LiveView) -> None:
+def test_url_opens_viewer_with_data_and_without_welcome_screen(view: LiveView) -> None:
     parts = urlsplit(view.url)
-    asked = parse_qs(parts.query)
+    query = parse_qs(parts.query)
     assert parts.hostname == "127.0.0.1"
-    assert asked["url"] == [view.viewer_url]
-    assert asked["hide_welcome_screen"] == ["1"]
-    assert asked["theme"] == ["dark"]
+    assert query["url"] == [view.viewer_url]
+    assert query["hide_welcome_screen"] == ["1"]
+    assert query["theme"] == ["dark"]
     with urllib.request.urlopen(view.url, timeout=60.0) as answer:  # noqa: S310 - our own address
         assert b"<html" in answer.read()
 
 
-def test_page_may_talk_to_its_data_and_to_nobody_else(view: LiveView) -> None:
+def test_page_may_connect_to_its_data_only(view: LiveView) -> None:
     with urllib.request.urlopen(view.url, timeout=60.0) as answer:  # noqa: S310 - our own address
         policy = dict(part.strip().split(" ", 1) for part in answer.headers["Content-Security-Policy"].split(";"))
     assert policy["default-src"] == "'self'"
@@ -92,7 +92,7 @@ def test_page_may_talk_to_its_data_and_to_nobody_else(view: LiveView) -> None:
     assert set(policy["connect-src"].split()) == {"'self'", *allowed}
 
 
-def test_page_has_the_viewer_and_nothing_else(view: LiveView) -> None:
+def test_page_server_serves_viewer_files_only(view: LiveView) -> None:
     page = view.url.partition("?")[0]
     request = urllib.request.Request(f"{page}re_viewer_bg.wasm", method="HEAD")  # noqa: S310 - our own address
     with urllib.request.urlopen(request, timeout=60.0) as answer:  # noqa: S310 - our own address
@@ -102,7 +102,7 @@ def test_page_has_the_viewer_and_nothing_else(view: LiveView) -> None:
         urllib.request.urlopen(f"{page}../pyproject.toml", timeout=60.0)  # noqa: S310 - our own address
 
 
-def test_frames_are_replaced_and_counted_when_they_come_too_fast(view: LiveView) -> None:
+def test_fast_updates_are_replaced_and_counted(view: LiveView) -> None:
     for update in make_live_updates(50):
         view.offer(update)
     deadline = time.monotonic() + 60.0
@@ -126,7 +126,7 @@ def test_offer_returns_at_once_while_drawing_is_stalled(view: LiveView) -> None:
     assert view.close(60.0)
 
 
-def test_close_ends_the_thread_and_frees_the_port_of_the_data() -> None:
+def test_close_stops_thread_and_frees_data_port() -> None:
     view = LiveView()
     port = urlsplit(view.viewer_url).port
     assert port
@@ -140,7 +140,7 @@ def test_close_ends_the_thread_and_frees_the_port_of_the_data() -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
-def test_close_does_not_wait_for_a_lender_of_the_page_that_stands_still() -> None:
+def test_close_does_not_wait_for_stalled_file_server() -> None:
     view = LiveView()
     deadline = time.monotonic() + 60.0
     while not (
@@ -153,13 +153,13 @@ def test_close_does_not_wait_for_a_lender_of_the_page_that_stands_still() -> Non
     assert not lenders[0].is_running()
 
 
-def test_close_twice_does_no_harm() -> None:
+def test_close_is_idempotent() -> None:
     view = LiveView()
     assert view.close(60.0)
     assert view.close(60.0)
 
 
-def test_fault_in_drawing_is_said_and_offer_goes_on(view: LiveView) -> None:
+def test_drawing_error_is_reported_and_offer_still_returns(view: LiveView) -> None:
     view.offer(replace(make_live_updates(1)[0], header=cast("RunHeader", BrokenHeader())))
     deadline = time.monotonic() + 60.0
     while not view.failure and time.monotonic() < deadline:
@@ -168,14 +168,14 @@ def test_fault_in_drawing_is_said_and_offer_goes_on(view: LiveView) -> None:
     view.offer(make_live_updates(1)[0])
 
 
-def test_taken_port_is_told_with_its_number() -> None:
+def test_occupied_port_is_reported_with_number() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ServiceError, match=f"port {port} on 127.0.0.1"):
             LiveView(grpc_port=port)
 
 
-def test_without_rerun_one_clear_message_says_what_to_install() -> None:
+def test_missing_rerun_is_reported_with_install_command() -> None:
     program = (
         "import sys; sys.modules['rerun'] = None\n"
         "from daq.errors import ServiceError\n"
@@ -187,7 +187,7 @@ def test_without_rerun_one_clear_message_says_what_to_install() -> None:
     assert "pip install .[view]" in said.stdout
 
 
-def test_open_live_view_gives_a_view_that_is_fed() -> None:
+def test_open_live_view_returns_working_view() -> None:
     view = open_live_view()
     try:
         _drawn(view, make_live_updates(3))
@@ -197,7 +197,7 @@ def test_open_live_view_gives_a_view_that_is_fed() -> None:
 
 
 @pytest.mark.browser
-def test_native_viewer_draws_two_runs_without_complaint(view: LiveView, tmp_path: Path) -> None:
+def test_native_viewer_draws_two_runs_without_warnings(view: LiveView, tmp_path: Path) -> None:
     if not _LAVAPIPE.is_file():
         if os.environ.get("CI"):
             pytest.fail(f"{_LAVAPIPE} is missing: install mesa-vulkan-drivers")

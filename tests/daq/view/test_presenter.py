@@ -116,7 +116,7 @@ def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot:
     assert float(np.median(lengths)) < 4.0 * MODEL_DASH
 
 
-def test_dashes_of_a_closed_orbit_leave_its_gaps_open(tmp_path: Path) -> None:
+def test_dashes_of_closed_orbit_coincide(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     assert update.prediction is not None
     angle = 2.0 * math.pi * np.arange(4 * 64) / 64
@@ -128,19 +128,19 @@ def test_dashes_of_a_closed_orbit_leave_its_gaps_open(tmp_path: Path) -> None:
     assert len(middles) == 1
 
 
-def test_both_probes_have_a_line_of_their_own(run_up: Logged) -> None:
+def test_both_probes_have_separate_lines(run_up: Logged) -> None:
     for entity in ("/spectrum/measured", "/bode/measured", "/traces/lines"):
         for color in (MEASURED_X, MEASURED_Y):
             assert any(len(strip) > 20 for strip in run_up.strips(entity, color))
     assert any(len(strip) > 10 for strip in run_up.strips("/traces/lines", TACHO))
 
 
-def test_predicted_whirl_lies_over_the_cascade_at_its_order(run_up: Logged) -> None:
+def test_predicted_whirl_is_drawn_on_cascade_at_its_order(run_up: Logged) -> None:
     line = max(run_up.strips("/cascade/model", MODEL), key=len)
     assert np.allclose(line[:, 0], 0.70 / HIGHEST_ORDER * COLUMNS, atol=1e-3)
 
 
-def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None:
+def test_cascade_fills_rows_skipped_by_fast_run_up(tmp_path: Path) -> None:
     logged = Logged(make_live_updates(60)[:49], tmp_path / "fast.rrd")  # 247 r/min from frame to frame, 200 r/min a row
     row = logged.rows("/cascade/measured")[-1]
     picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
@@ -148,7 +148,7 @@ def test_cascade_has_no_stripes_where_the_shaft_ran_fast(tmp_path: Path) -> None
     assert np.all(at_1x[40:60] > 250)  # 8,000 to 12,000 r/min
 
 
-def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
+def test_banner_shows_lost_samples_and_error(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     status = replace(
         update.status,
@@ -164,7 +164,7 @@ def test_banner_says_what_was_lost_and_what_went_wrong(tmp_path: Path) -> None:
     assert "at least 12,345" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
 
 
-def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> None:
+def test_banner_shows_measurement_warnings(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     assert update.snapshot is not None
     clipped = replace(update.status, clipped=(Clipping("y", 1234, 3, 0.1),))
@@ -178,7 +178,7 @@ def test_banner_says_why_what_is_measured_cannot_be_trusted(tmp_path: Path) -> N
     assert not Logged([update], tmp_path / "good.rrd").strips("/banner", ALARM)
 
 
-def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
+def test_spectrum_labels_do_not_overlap() -> None:
     plot = SpectrumPlot()
     for update in map(with_second_whirl, make_live_updates(200)[::8]):
         assert update.snapshot is not None
@@ -193,13 +193,13 @@ def test_names_in_the_spectrum_never_lie_on_one_another() -> None:
             assert beside or abs(bottom - its_bottom) > 1.2 * FONT_SIZE, (name, its_name)
 
 
-def test_message_from_outside_is_written_with_letters_that_there_are() -> None:
+def test_external_message_is_drawn_with_available_glyphs() -> None:
     box = text_strokes("\u4e00")
     for letter in "no samples; é ö “x” … ≥ → # & *":
         assert letter == " " or str(text_strokes(letter)) != str(box), letter
 
 
-def test_frames_lie_on_the_timeline_of_their_run(run_up: Logged) -> None:
+def test_updates_are_on_timeline_of_their_run(run_up: Logged) -> None:
     times = [row[RUN] for row in run_up.rows("/orbit/measured")]
     assert np.allclose(times, 0.1 * np.arange(1, 102, 3))
 
@@ -227,7 +227,7 @@ def test_cascade_is_bright_at_1x_up_to_the_speed_reached(run_up: Logged) -> None
     assert np.all(at_1x[: reached - 5] == picture.min())  # above 14,000 r/min nothing has been
 
 
-def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) -> None:
+def test_updates_without_snapshot_prediction_or_speed_are_drawn(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     assert update.snapshot is not None
     still = replace(update.snapshot, speed=math.nan, frame=None)
@@ -238,7 +238,7 @@ def test_sequence_without_snapshot_or_model_or_speed_is_drawn(tmp_path: Path) ->
     assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/signals"}
 
 
-def test_alarm_stays_on_the_banner_when_it_is_over(tmp_path: Path) -> None:
+def test_latched_alarm_stays_on_banner(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     quiet = Logged([update], tmp_path / "quiet.rrd")
     latched = Logged([with_alarm(update, Severity.ALARM)], tmp_path / "latched.rrd")
@@ -250,7 +250,7 @@ def marked(updates: list[LiveUpdate], *markers: TimedMarker) -> list[LiveUpdate]
     return [replace(update, status=replace(update.status, markers=markers)) for update in updates]
 
 
-def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_path: Path) -> None:
+def test_marker_is_labelled_line_in_trend_and_waterfall(tmp_path: Path) -> None:
     updates = make_live_updates(120)[:97]  # trend and waterfall are drawn with every 24th, so with the last
     elapsed = updates[-1].status.elapsed
     word = TimedMarker(Marker(0, round((elapsed - 3.0) * RATE), "knocking", 0), elapsed - 3.0, elapsed - 3.0)
@@ -268,7 +268,7 @@ def test_mark_is_a_line_with_its_word_in_trend_and_waterfall_at_its_time(tmp_pat
         assert not unmarked.strips("/trend/lines", color)
 
 
-def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path) -> None:
+def test_marker_is_drawn_on_traces_at_its_time(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     assert update.snapshot is not None
     trace = update.snapshot.trace
@@ -282,7 +282,7 @@ def test_mark_is_drawn_over_the_traces_where_they_show_its_moment(tmp_path: Path
     assert not Logged(marked([update], other), tmp_path / "there.rrd").strips("/traces/lines", MARKER)
 
 
-def test_trend_keeps_the_largest_between_its_points_and_goes_on_in_minutes() -> None:
+def test_trend_retains_maxima_and_switches_to_minutes() -> None:
     plot = TrendPlot()
     update = make_live_updates(1)[0]
     assert update.snapshot is not None
@@ -302,7 +302,7 @@ def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
     return [np.array(strip) for strip in strips.as_arrow_array().to_pylist()]
 
 
-def test_orbit_and_words_show_what_is_compensated_beside_what_was_measured(tmp_path: Path) -> None:
+def test_orbit_and_signal_table_show_compensated_and_measured(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     plain = Logged([update], tmp_path / "plain.rrd")
     taken_off = Logged([with_second_whirl(with_runout(update))], tmp_path / "compensated.rrd")
@@ -316,23 +316,23 @@ def test_orbit_and_words_show_what_is_compensated_beside_what_was_measured(tmp_p
     assert "compensated" not in str(plain.rows("/details")[-1]["TextDocument:text"][0])
 
 
-def test_details_say_in_words_what_is_below_1x_and_what_the_model_says(run_up: Logged) -> None:
+def test_details_show_measured_and_predicted_components_below_1x(run_up: Logged) -> None:
     text = str(run_up.rows("/details")[-1]["TextDocument:text"][0])
     assert "0.49X" in text
     assert "forward (model 0.70X" in text
     assert "lost **0**" in text
 
 
-def test_details_hold_no_letter_that_the_viewer_cannot_draw(tmp_path: Path) -> None:
+def test_details_contain_only_characters_of_viewer_font(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     update = replace(update, status=replace(update.status, detail="Öl ∠ 油"))
     logged = Logged([update], tmp_path / "letters.rrd")
     assert "Öl ? ?" in str(logged.rows("/details")[-1]["TextDocument:text"][0])
 
 
-def test_axes_are_sent_again_for_who_looks_in_late(run_up: Logged) -> None:
+def test_axes_are_repeated_for_late_viewers(run_up: Logged) -> None:
     assert len(run_up.rows("/cascade/axes")) >= 2
 
 
-def test_what_is_logged_in_a_second_is_lean(run_up: Logged) -> None:
+def test_logged_data_rate_is_limited(run_up: Logged) -> None:
     assert run_up.path.stat().st_size / 10.1 < 500e3  # bytes a second of run

@@ -1,4 +1,4 @@
-"""Plots in the conventions that operators know: lags, the mark, run-up and run-down apart, compensated where known."""
+"""Plots: lag axes, keyphasor mark, run-up and run-down, compensation."""
 
 import math
 from xml.etree import ElementTree as ET
@@ -33,7 +33,7 @@ def document(*rows: SpeedRow) -> OrderVectorsSchema:
     return OrderVectorsSchema(run="there-and-back", by_speed=tuple(speed_row_schema(each) for each in rows))
 
 
-def test_run_up_and_run_down_are_curves_of_their_own() -> None:
+def test_run_up_and_run_down_are_separate_curves() -> None:
     both = [(way, speed) for way in RampDirection for speed in (1000.0, 2000.0)]
     lag, size = result_panels(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
     assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
@@ -45,7 +45,7 @@ def test_run_up_and_run_down_are_curves_of_their_own() -> None:
     assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
 
 
-def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
+def test_lag_axis_points_down_and_curve_breaks_at_wrap() -> None:
     def drawn(*lags: float) -> Panel:
         vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
         rows = [row(RampDirection.RUN_UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
@@ -60,7 +60,7 @@ def test_lag_grows_downwards_and_breaks_where_a_turn_is_full() -> None:
     assert [len(stretch) for stretch in all_round.curves[0].segments()] == [3, 2]
 
 
-def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
+def test_known_run_out_plots_compensated_vectors_only() -> None:
     rows = [row(RampDirection.RUN_UP, 500.0, None), row(RampDirection.RUN_UP, 2000.0, 4e-6j)]
     lag, size = result_panels(document(*rows), "bode", PROBES)
     assert lag.title == "there-and-back"
@@ -71,7 +71,7 @@ def test_what_run_out_left_is_drawn_and_called_compensated() -> None:
     assert list(lag.curves[0].y) == [pytest.approx(270.0)]
 
 
-def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rotation() -> None:
+def test_polar_plot_zero_lag_points_to_probe_and_lags_are_clockwise() -> None:
     rows = [
         row(RampDirection.RUN_UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag)))
         for k, lag in enumerate((0.0, 90.0), 1)
@@ -84,7 +84,7 @@ def test_polar_plot_has_no_lag_where_the_probe_sits_and_lags_go_against_the_rota
     assert list(at_y.curves[0].y) == pytest.approx([2.0, 0.0], abs=1e-6)
 
 
-def test_orbit_goes_from_blank_to_bright_at_the_mark() -> None:
+def test_orbit_is_blank_before_keyphasor_mark_with_dot_at_it() -> None:
     angle = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
     turn = (3.0 * np.cos(angle)).tolist(), (3.0 * np.sin(angle)).tolist()
     panel = orbit("two turns", [turn, turn], PROBES)
@@ -97,7 +97,7 @@ def test_orbit_goes_from_blank_to_bright_at_the_mark() -> None:
     assert panel.notes[1][2] > 3.0, "above"
 
 
-def test_spectrum_names_its_largest_lines() -> None:
+def test_spectrum_labels_largest_lines() -> None:
     orders = [k / 16 for k in range(65)]
     sizes = [0.001] * 65
     for order, size in ((0.5, 12.0), (1.0, 20.0), (2.0, 0.1)):
