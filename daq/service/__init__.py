@@ -1,1 +1,1 @@
-"""The REST service and its page."""
+"""Web service: REST API and the operator's page."""

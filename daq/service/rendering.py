@@ -49,18 +49,20 @@ def findings(_path: Path, history: RunHistory) -> Schema:
 
 def trend(_path: Path, history: RunHistory, query: TrendQuery) -> Schema:
     """Return speed and vibration over time."""
-    begin = query.from_s
-    end = np.inf if query.duration_s is None else begin + query.duration_s
-    return trend_schema(history, query.segment, begin, end, query.entries)
+    start = query.from_s
+    end = np.inf if query.duration_s is None else start + query.duration_s
+    return trend_schema(history, query.segment, start, end, query.entries)
 
 
-def nearest_frame(path: Path, history: RunHistory, at: FrameQuery, *, what: str) -> Schema:
+def nearest_frame(path: Path, history: RunHistory, frame_query: FrameQuery, *, requested_path: str) -> Schema:
     """Return order spectrum, full spectrum or orbit of the order frame nearest to a time or speed."""
-    index = history.nearest(at.segment, at.time_s, None if at.speed_rpm is None else at.speed_rpm * RPM)
+    index = history.nearest(
+        frame_query.segment, frame_query.time_s, None if frame_query.speed_rpm is None else frame_query.speed_rpm * RPM
+    )
     snapshot, frame = snapshot_at(path, history, index)
-    if what == "order-spectrum":
+    if requested_path == "order-spectrum":
         return order_spectrum_schema(history.header, snapshot, frame)
-    if what == "full-spectrum":
+    if requested_path == "full-spectrum":
         return full_spectrum_schema(history.header, snapshot, frame)
     return orbit_schema(history.header, snapshot, frame)
 
@@ -76,44 +78,46 @@ RESULTS: dict[str, Callable[..., Schema]] = {
     "trend": trend,
     "cascade": cascade,
     "waterfall": waterfall,
-    "order-spectrum": partial(nearest_frame, what="order-spectrum"),
-    "full-spectrum": partial(nearest_frame, what="full-spectrum"),
-    "orbit": partial(nearest_frame, what="orbit"),
+    "order-spectrum": partial(nearest_frame, requested_path="order-spectrum"),
+    "full-spectrum": partial(nearest_frame, requested_path="full-spectrum"),
+    "orbit": partial(nearest_frame, requested_path="orbit"),
 }
 
 
-def result_schema(path: Path, what: str, query: object, history: RunHistory | None = None) -> Schema:
+def result_schema(path: Path, requested_path: str, query: object, history: RunHistory | None = None) -> Schema:
     """Return the schema of a result; ``history`` saves reading the recording."""
     parameters = () if query is None else (query,)
-    return RESULTS[what](path, load_history(path) if history is None else history, *parameters)
+    return RESULTS[requested_path](path, load_history(path) if history is None else history, *parameters)
 
 
-def result_path(what: str) -> str:
+def result_path(requested_path: str) -> str:
     """Return the path of the result that a path shows, for example ``order-vectors`` for ``plots/bode.svg``."""
-    analysed = ANALYSIS_PATH.fullmatch(what)
+    analysed = ANALYSIS_PATH.fullmatch(requested_path)
     if analysed is not None:
         return analysed[1]
-    plot = PLOT_PATH.fullmatch(what)
-    return what if plot is None else PLOT_SOURCES.get(plot[1], plot[1])
+    plot = PLOT_PATH.fullmatch(requested_path)
+    return requested_path if plot is None else PLOT_SOURCES.get(plot[1], plot[1])
 
 
-def result_response(path: Path, what: str, query: object, gzipped: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
+def result_response(path: Path, requested_path: str, query: object, gzipped: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
     """Return the body of a response; cached until the file changes."""
     status = file_status(path)
-    return _cached_response(path, status.st_size, status.st_mtime_ns, what, query, gzipped)
+    return _cached_response(path, status.st_size, status.st_mtime_ns, requested_path, query, gzipped)
 
 
 @lru_cache(maxsize=RESPONSE_CACHE_SIZE)
-def _cached_response(path: Path, _size: int, _changed_ns: int, what: str, query: object, gzipped: bool) -> bytes:  # noqa: FBT001 - part of the cache key
-    plot = PLOT_PATH.fullmatch(what)
+def _cached_response(
+    path: Path, _size: int, _changed_ns: int, requested_path: str, query: object, gzipped: bool
+) -> bytes:
+    plot = PLOT_PATH.fullmatch(requested_path)
     if isinstance(query, AnalysisQuery):
-        body = analysis_response(path, what, query)
+        body = analysis_response(path, requested_path, query)
     elif plot is None:
-        body = result_schema(path, what, query).model_dump_json().encode()
+        body = result_schema(path, requested_path, query).model_dump_json().encode()
     else:
         name, form = plot.groups()
         panels = result_panels(
-            result_schema(path, result_path(what), query), name, _probe_angles(load_history(path).header)
+            result_schema(path, result_path(requested_path), query), name, _probe_angles(load_history(path).header)
         )
         body = render_svg(panels).encode() if form == "svg" else render_png(panels)
     return gzip.compress(body, GZIP_LEVEL, mtime=0) if gzipped else body

@@ -36,12 +36,12 @@ def preferred_media_type(header: str | None, offered: Mapping[str, str]) -> str 
     if not header:
         return next(iter(offered.values()))
     weights = _quality_values(header)
-    found = []
-    for place, (media_type, name) in enumerate(offered.items()):
+    ranked = []
+    for position, (media_type, name) in enumerate(offered.items()):
         family = media_type.partition("/")[0] + "/*"
         weight = next((weights[key] for key in (media_type, family, "*/*") if key in weights), 0.0)
-        found.append((-weight, place, name))
-    weight, _, name = min(found)
+        ranked.append((-weight, position, name))
+    weight, _, name = min(ranked)
     return name if weight < 0.0 else None
 
 

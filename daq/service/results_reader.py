@@ -88,10 +88,10 @@ class ResultsReader:
         self._models = models
         self._pool = WorkerPool(processes, time_limit)
 
-    def result(self, run: RunEntry, what: str, query: BaseModel | None, *, gzipped: bool) -> bytes:
+    def result(self, run: RunEntry, requested_path: str, query: BaseModel | None, *, gzipped: bool) -> bytes:
         """Return the response body of a path (see `daq.service.rendering`), gzipped if wanted."""
-        job = result_job_request(run.id, rendering.result_path(what), query)
-        return self._run_in_worker(rendering.result_response, run.path, what, query, gzipped, job=job)
+        job = result_job_request(run.id, rendering.result_path(requested_path), query)
+        return self._run_in_worker(rendering.result_response, run.path, requested_path, query, gzipped, job=job)
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, gzipped: bool) -> bytes:
         """Return the samples of a time range."""

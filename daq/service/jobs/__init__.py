@@ -1,1 +1,1 @@
-"""Long work in processes of its own: job queue and what its jobs do."""
+"""Job queue and the jobs that run in worker processes."""

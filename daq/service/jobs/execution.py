@@ -66,11 +66,11 @@ def fraction_reporter(report: ReportProgress, step: str) -> Callable[[float], No
     return lambda fraction: throttle.report(step, fraction)
 
 
-def result_job(report: ReportProgress, target: Path, path: Path, what: str, query: object) -> None:
-    """Write the result of a run that the REST path ``what`` returns."""
+def result_job(report: ReportProgress, target: Path, path: Path, requested_path: str, query: object) -> None:
+    """Write the result of a run that the REST path ``requested_path`` returns."""
     history = read_history(path, fraction_reporter(report, "reading"))
     report(Progress("putting together"))
-    _write_json(target, result_schema(path, what, query, history))
+    _write_json(target, result_schema(path, requested_path, query, history))
 
 
 def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:

@@ -93,15 +93,15 @@ class JobRoutes:
             status=202,
         )
         routing.add("/jobs", self.list_jobs, "list_jobs", "jobs", "List the jobs, newest first", ProblemType.BUSY)
-        found = (ProblemType.JOB_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
-        routing.add("/jobs/{job}", self.job, "get_job", "jobs", "State of a job", *found)
+        job_problems = (ProblemType.JOB_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
+        routing.add("/jobs/{job}", self.job, "get_job", "jobs", "State of a job", *job_problems)
         routing.add(
             "DELETE /jobs/{job}",
             self.delete,
             "delete_job",
             "jobs",
             "Cancel and delete a job",
-            *found,
+            *job_problems,
             ProblemType.CROSS_SITE_REQUEST,
         )
         routing.add(
@@ -110,7 +110,7 @@ class JobRoutes:
             "stream_job",
             "jobs",
             "State of a job as server-sent events",
-            *found,
+            *job_problems,
             responses=event_stream("job"),
         )
         routing.add(
@@ -119,7 +119,7 @@ class JobRoutes:
             "get_job_result",
             "jobs",
             "Result of a job",
-            *found,
+            *job_problems,
             ProblemType.NO_RESULT,
             ProblemType.RANGE_NOT_SATISFIABLE,
             ProblemType.STORAGE_UNAVAILABLE,
@@ -231,7 +231,7 @@ class JobRoutes:
                     yield _event_text(job)
                 elif idle_time >= KEEP_ALIVE_INTERVAL:
                     idle_time = 0.0
-                    yield ": still here\n\n"
+                    yield ": keep-alive\n\n"
         finally:
             self._followers -= 1
 

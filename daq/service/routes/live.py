@@ -249,11 +249,9 @@ class _LiveStream:
         return StreamingResponse(self._events(), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
     async def _events(self) -> AsyncIterator[str]:
-        with suppress(
-            ProblemError
-        ):  # another client took the last place meanwhile: the stream ends, the client reconnects
+        with suppress(ProblemError):  # another client took the last place: the stream ends, the client reconnects
             async for text in self._broadcaster.updates():
-                yield f"event: {self._name}\ndata: {text}\n\n" if text else ": still here\n\n"
+                yield f"event: {self._name}\ndata: {text}\n\n" if text else ": keep-alive\n\n"
 
     async def socket(self, socket: WebSocket) -> None:
         """Send each update as a text message."""

@@ -1,1 +1,1 @@
-"""Request and response schemas of the REST service alone."""
+"""Request and response schemas that only the REST service uses."""

@@ -16,11 +16,11 @@ from tests.daq.support.recorded_bench import RecordedBench, open_recorded_bench,
 RigFactory = Callable[..., Rig]
 CONFIG = Path(__file__).with_name("schemathesis.toml")
 SHORT = {"profile": [{"time_s": 0.0, "speed_rpm": 10_000.0}, {"time_s": 1.0, "speed_rpm": 12_000.0}]}
-KNOWN = "2026-11-24T09-12-07-gj90c"  # what the schema's examples name
-LEAST_CAMPAIGN = 20_000
+KNOWN = "2026-11-24T09-12-07-gj90c"  # the id in the schema's examples
+MIN_CAMPAIGN_CASES = 20_000
 DELETE_RUN = "delete_run"  # excluded: it would move the tested run to the trash
 ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # excluded: they take the same parameters as these three
-PNG = r"\.png$"  # drawn in half a second each, of the same questions and answers as SVG
+PNG = r"\.png$"  # excluded: half a second each, with the same parameters as SVG
 
 
 @pytest.fixture
@@ -30,9 +30,9 @@ def bench(tmp_path: Path, rig: RigFactory) -> Iterator[RecordedBench]:
     file = record_run(rig(simulation=SHORT), folder, KNOWN)
     (folder / "trash").mkdir()
     shutil.copy(file, folder / "trash")
-    served = open_recorded_bench(folder, job_limit=2.0)  # what jobs come to is not tried here
+    served = open_recorded_bench(folder, job_limit=2.0)  # this test does not check the results of jobs
     served.live.update = list(run_up(3, "under-way"))[2]
-    served.client.get(f"/api/v1/runs/{KNOWN}/cascade")  # a process that reads for the first time has modules to load
+    served.client.get(f"/api/v1/runs/{KNOWN}/cascade")  # lets the worker process load its modules
     yield served
     served.close()
 
@@ -83,4 +83,4 @@ def test_service_conforms_to_its_schema_in_twenty_thousand_cases(bench: Recorded
         bench, phases, "--max-examples=500", f"--include-operation-id={DELETE_RUN}", timeout=3600.0
     )
     print(f"{total:,} cases")
-    assert total >= LEAST_CAMPAIGN
+    assert total >= MIN_CAMPAIGN_CASES
