@@ -107,7 +107,12 @@ def result_response(path: Path, requested_path: str, query: object, gzipped: boo
 
 @lru_cache(maxsize=RESPONSE_CACHE_SIZE)
 def _cached_response(
-    path: Path, _size: int, _changed_ns: int, requested_path: str, query: object, gzipped: bool
+    path: Path,
+    _size: int,
+    _changed_ns: int,
+    requested_path: str,
+    query: object,
+    gzipped: bool,  # noqa: FBT001 - part of the cache key
 ) -> bytes:
     plot = PLOT_PATH.fullmatch(requested_path)
     if isinstance(query, AnalysisQuery):

@@ -46,10 +46,10 @@ def run_schemathesis(bench: RecordedBench, *options: str, timeout: float) -> int
             "run",
             str(bench.client.base_url.join("/openapi.json")),
             "--checks=all",
-            "--exclude-path=/api/v1/live/events",  # has no end
-            "--exclude-path=/api/v1/live/curves/events",  # nor has this
+            "--exclude-path=/api/v1/live/events",  # endless stream
+            "--exclude-path=/api/v1/live/curves/events",  # endless stream
             "--request-timeout=60",
-            "--max-response-time=30",  # after which the service itself says that it takes too long
+            "--max-response-time=30",  # the service's own time limit
             "--no-color",
             *options,
         ],

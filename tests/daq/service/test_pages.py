@@ -66,7 +66,7 @@ def test_page_refers_only_to_the_service_itself(bench: Bench, path: str) -> None
 def test_page_files_contain_no_external_url(bench: Bench, name: str) -> None:
     text = bench.client.get(f"/{name}").text.replace(VIEWER.replace("&", "&amp;"), "")
     addresses = set(re.findall(r"(?:https?:)?//[A-Za-z0-9.\-]+\.[a-z]{2,}[^\s\"']*", text))
-    assert addresses <= {"http://www.w3.org/2000/svg"}  # a name, never fetched
+    assert addresses <= {"http://www.w3.org/2000/svg"}  # an XML namespace, never fetched
 
 
 @pytest.mark.parametrize("name", ASSETS)

@@ -135,7 +135,7 @@ def test_response_in_two_writes_does_not_wait_for_acknowledgement() -> None:
             client.get("/")
             took.append(time.monotonic() - began)
     server.close()
-    assert min(took[30:]) < 0.03  # Nagle's rule and a late acknowledgement together make 0.04 s of each
+    assert min(took[30:]) < 0.03  # Nagle's algorithm with delayed acknowledgement takes 0.04 s each
 
 
 @pytest.mark.parametrize(

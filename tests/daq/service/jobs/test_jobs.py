@@ -26,7 +26,7 @@ from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recor
 
 LINEAR = {"calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}}
 SPEEDS = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
-LONG = "2026-11-24T10-00-00-test-rig"  # of a rig that turns so fast that its model takes long
+LONG = "2026-11-24T10-00-00-test-rig"  # of a fast rig, whose model takes long
 
 
 @pytest.fixture(scope="module")

@@ -83,7 +83,7 @@ def test_curves_are_sent_as_events_and_over_the_socket(bench: RecordedBench) -> 
         ]
         same = UPDATES[0]
         bench.live.update = replace(same, status=replace(same.status, elapsed=99.0))
-        with pytest.raises(TimeoutError):  # the picture is the same, whatever the clock says
+        with pytest.raises(TimeoutError):  # the curves do not change with the clock
             socket.recv(0.8)
         bench.live.update = UPDATES[-1]
         assert json.loads(socket.recv(60.0)) == bench.client.get(f"{API}/live/curves").json() != first
@@ -199,7 +199,7 @@ def test_socket_without_the_token_is_refused_without_terminal_output(
     with pytest.raises(InvalidStatus) as refused, connect(socket_url(with_token), subprotocols=offered):
         pass
     assert refused.value.response.status_code == 401
-    with_token.client.get(f"{API}/health")  # what was to be logged has been
+    with_token.client.get(f"{API}/health")  # all log records are written by now
     assert caplog.records == []
 
 

@@ -247,7 +247,7 @@ def test_file_is_downloaded_whole_and_in_ranges(bench: RecordedBench, path: Path
 def test_download_continues_with_the_same_file_after_a_replacement(tmp_path: Path, path: Path) -> None:
     content = path.read_bytes()
     file = tmp_path / f"{RUN}.mcap"
-    file.write_bytes(content + bytes(20_000_000))  # more than sockets hold
+    file.write_bytes(content + bytes(20_000_000))  # more than socket buffers hold
     served = open_recorded_bench(tmp_path)
     try:
         with served.client.stream("GET", f"{API}/runs/{RUN}/file") as response:

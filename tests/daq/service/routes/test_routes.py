@@ -281,7 +281,7 @@ def test_waiting_summaries_do_not_delay_other_routes_and_are_limited(bench: Benc
     deadline = time.monotonic() + 60.0
     while len(answers) < 6 and time.monotonic() < deadline:
         time.sleep(0.01)
-    assert answers == [503] * 6  # 2 are read, 16 wait
+    assert answers == [503] * 6  # 2 run, 16 wait
     assert bench.get("/live").elapsed.total_seconds() < 30.0
     assert bench.get("/runs").status_code == 200
     bench.summaries.gate.set()
