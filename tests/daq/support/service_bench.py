@@ -38,7 +38,7 @@ class Bench:
         finally:
             connection.close()
 
-    def tidy(self) -> None:
+    def reset(self) -> None:
         """Reset the fakes to their initial state."""
         self.catalogue.trouble = self.summaries.trouble = self.live.update = None
         self.summaries.gate.set()

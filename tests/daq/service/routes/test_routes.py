@@ -32,7 +32,7 @@ def served() -> Iterator[Bench]:
 @pytest.fixture
 def bench(served: Bench) -> Iterator[Bench]:
     yield served
-    served.tidy()
+    served.reset()
 
 
 def problem(response: httpx.Response) -> ProblemSchema:
