@@ -82,7 +82,7 @@ def unpicklable_error() -> None:
         (wrong_configuration, ConfigError, "rig.toml: 2 errors\n  one\n  two"),
         (wrong_rotor, TableError, "one; two"),
         (wrong_device, DeviceError, "Dev1 is in use (driver code -50103)"),
-        (unpicklable_error, RuntimeError, "UnsendableError: rig.toml: line 7"),
+        (unpicklable_error, RuntimeError, "UnpicklableError: rig.toml: line 7"),
     ],
 )
 def test_error_keeps_its_type_and_text(
