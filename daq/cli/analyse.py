@@ -47,10 +47,9 @@ examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
 """
 
 
-def add_analyse_command(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig analyse` with its kinds to the command line."""
-    text = "Analyse a run's samples: orbit, Bode plot, cascade, orders, sub-synchronous …"
-    command = add("analyse", lambda _: UsageError.exit_code, text)
+    command = add("analyse", lambda _: UsageError.exit_code)
     command.epilog = _EPILOG
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")

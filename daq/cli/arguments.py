@@ -12,8 +12,8 @@ INCOMPLETE = 5  # exit code: samples are lost, or the recording is incomplete
 _DEFAULT_PORT = 8501
 _WIDTH = 78  # columns of a description, for the smallest terminal
 
-AddCommand = Callable[[str, Callable[[argparse.Namespace], int], str], argparse.ArgumentParser]
-"""Adds a command; takes its name, its function and its one-line description."""
+AddCommand = Callable[[str, Callable[[argparse.Namespace], int]], argparse.ArgumentParser]
+"""Gives the parser of a command, to which its arguments are added; takes its name and its function."""
 
 
 def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:

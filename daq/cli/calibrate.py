@@ -237,9 +237,9 @@ def _fit_lines(points: Sequence[CalibrationPoint], fit: CalibrationFit) -> Itera
     )
 
 
-def add_calibrate_command(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig calibrate` to the command line."""
-    parser = add("calibrate", run_calibrate_gap, "Calibrate a probe, or determine the tacho's switching levels.")
+    parser = add("calibrate", run_calibrate_gap)
     kinds = parser.add_subparsers(dest="kind", required=True, metavar="KIND")
     text = (
         "Calibrate a probe from micrometer steps or from a file of points. Fits gap over\n"

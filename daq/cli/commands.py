@@ -1,24 +1,14 @@
 """The command-line parser of `rig`, and the exit codes of its errors."""
 
 import argparse
+import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
-from daq.cli.analyse import add_analyse_command
-from daq.cli.arguments import AddCommand, show_examples, speed
-from daq.cli.calibrate import add_calibrate_command
-from daq.cli.exchange import add_exchange_commands
-from daq.cli.markers import add_marker_commands
-from daq.cli.model import predict
-from daq.cli.model.commands import add_model_commands
 from daq.cli.output.terminal import use_ascii_fallback
-from daq.cli.preflight import add_preflight_commands
-from daq.cli.recording import add_recording_commands
-from daq.cli.runs import add_run_commands, add_summary_command
-from daq.cli.verify import add_verify_commands
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
 from recordings.errors import RecordingError
@@ -38,8 +28,40 @@ Recordings go to storage.folder of the rig file, else $RIG_DATA, else ./data.
 """
 
 
-def rig_parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line."""
+COMMANDS = {
+    "check": ("preflight", "Check a rig file and its calibrations without hardware; all errors are reported together."),
+    "devices": ("preflight", "List the connected devices: product, serial number, simulated, busy."),
+    "preflight": ("preflight", "Check the rig before a run; say what to do about each failed check."),
+    "calibrate": ("calibrate", "Calibrate a probe, or determine the tacho's switching levels."),
+    "record": ("recording", "Record a run with live view and REST, and print its summary."),
+    "replay": ("recording", "Replay a recording through the live analysis and view."),
+    "serve": ("recording", "Serve page and REST for the recorded runs until stopped."),
+    "mark": ("markers", "Add a marker to the run that is recording, from another terminal."),
+    "acknowledge": ("markers", "Acknowledge the alarms of the live run, from another terminal."),
+    "summary": ("runs", "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."),
+    "analyse": ("analyse", "Analyse a run's samples: orbit, Bode plot, cascade, orders, sub-synchronous …"),
+    "index": ("runs", "Update the catalogue from the files; list new, changed, damaged and missing recordings."),
+    "runs": ("runs", "List the recorded runs, newest first, filtered by the options given."),
+    "annotate": ("runs", "Add a remark or tags to a run; the recording is not changed."),
+    "verify": ("verify", "Check a recording: checksums, indexes, continuity, sample counts, calibration."),
+    "recover": ("verify", "Copy the intact part of a damaged recording and list what is missing."),
+    "import": ("exchange", "Import another program's file as a run."),
+    "export": ("exchange", "Export a run or part of it to another format."),
+    "predict": ("model.predict", "Compute and show the model's prediction at the probes over speed."),
+    "model": ("model.commands", "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."),
+}
+"""Module of each command, below daq.cli, and what the command does."""
+
+
+def rig_parser(command: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of the command line.
+
+    Parameters
+    ----------
+    command : str or None
+        The command whose module is imported and adds its arguments; none of them where it is no command; all where it
+        is None. Importing all takes seconds.
+    """
     parser = argparse.ArgumentParser(
         prog="rig",
         description="Record, view, replay and analyse the runs of a rotor test rig,\n"
@@ -49,35 +71,16 @@ def rig_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"rig {version('rig-service')}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    parsers = {name: commands.add_parser(name, help=text, description=text) for name, (_, text) in COMMANDS.items()}
 
-    def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text, description=text)
-        command.set_defaults(run=run)
-        return command
+    def add(name: str, run: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+        parsers[name].set_defaults(run=run)
+        return parsers[name]
 
-    add_preflight_commands(add)
-    add_calibrate_command(add)
-    add_recording_commands(add)
-    add_marker_commands(add)
-    add_summary_command(add)
-    add_analyse_command(add)
-    add_run_commands(add)
-    add_verify_commands(add)
-    add_exchange_commands(add)
-    _add_model(add)
+    wanted = COMMANDS if command is None else {command} & COMMANDS.keys()
+    for module in dict.fromkeys(COMMANDS[name][0] for name in wanted):
+        importlib.import_module(f"daq.cli.{module}").add_commands(add)
     return parser
-
-
-def _add_model(add: AddCommand) -> None:
-    command = add("predict", predict.run, "Compute and show the model's prediction at the probes over speed.")
-    command.add_argument("config", metavar="RIG.TOML", help="rig file")
-    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help="only the settled motion there")
-    command.add_argument("--json", action="store_true", help="print JSON")
-    command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
-    show_examples(command, "rig predict rigs/bench.toml --speed 11000")
-
-    text = "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."
-    add_model_commands(add("model", lambda _: UsageError.exit_code, text))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -90,11 +93,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """
     for stream in (sys.stdout, sys.stderr):
         use_ascii_fallback(stream)
-    parser = rig_parser()
-    if not (sys.argv[1:] if arguments is None else arguments):
+    given = sys.argv[1:] if arguments is None else arguments
+    parser = rig_parser(next((argument for argument in given if not argument.startswith("-")), ""))
+    if not given:
         parser.print_help(sys.stderr)
         return UsageError.exit_code
-    args = parser.parse_args(arguments)
+    args = parser.parse_args(given)
     try:
         code: int = args.run(args)
         sys.stdout.flush()

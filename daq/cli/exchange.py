@@ -15,19 +15,24 @@ from recordings.exchange.formats import EXPORT_FORMATS, IMPORT_FORMATS, write_ta
 from recordings.mcap.reader import RunReader
 
 
-def add_exchange_commands(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig import` and `rig export` to the command line."""
-    command = add("import", run_import, f"Import another program's file as a run ({', '.join(IMPORT_FORMATS)}).")
-    command.add_argument("file", metavar="FILE", help="the file to read")
+    command = add("import", run_import)
+    command.add_argument("file", metavar="FILE", help=f"the file to read ({', '.join(IMPORT_FORMATS)})")
     text = "maps columns to the rig's channels, with units; described in docs/exchange.md"
     command.add_argument("--mapping", required=True, metavar="MAP.TOML", help=text)
     add_folder(command)
 
     show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
-    command = add("export", run_export, f"Export a run or part of it to another format ({', '.join(EXPORT_FORMATS)}).")
+    command = add("export", run_export)
     command.add_argument("recording", metavar="RUN", help="run id or file")
-    command.add_argument("--to", required=True, metavar="FILE", help="the new file; its suffix sets the format")
+    command.add_argument(
+        "--to",
+        required=True,
+        metavar="FILE",
+        help=f"the new file; its suffix sets the format ({', '.join(EXPORT_FORMATS)})",
+    )
     command.add_argument(
         "--from",
         dest="start",

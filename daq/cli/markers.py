@@ -27,15 +27,15 @@ from daq.session.run import SupportsMarkers
 RESPONSE_TIMEOUT = 5.0  # s
 
 
-def add_marker_commands(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig mark` and `rig acknowledge` to the command line."""
-    command = add("mark", run_mark, "Add a marker to the run that is recording, from another terminal.")
+    command = add("mark", run_mark)
     command.add_argument("word", metavar="WORD", nargs="*", help="text of the marker (default: marker)")
     command.add_argument("--json", action="store_true", help="print JSON")
     add_service_address(command)
     show_examples(command, "rig mark knocking begins")
 
-    command = add("acknowledge", run_acknowledge, "Acknowledge the alarms of the live run, from another terminal.")
+    command = add("acknowledge", run_acknowledge)
     command.add_argument("--json", action="store_true", help="print JSON")
     add_service_address(command)
 

@@ -166,14 +166,13 @@ example:    rig preflight rigs/usb6251.toml --for 5min --speed 15000
 """
 
 
-def add_preflight_commands(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig check`, `rig devices` and `rig preflight` to the command line."""
-    text = "Check a rig file and its calibrations without hardware; all errors are reported together."
-    command = add("check", run_check, text)
+    command = add("check", run_check)
     command.add_argument("config", metavar="RIG.TOML", help="rig file")
     command.add_argument("--json", action="store_true", help="print JSON, errors included")
 
-    command = add("devices", run_devices, "List the connected devices: product, serial number, simulated, busy.")
+    command = add("devices", run_devices)
     command.add_argument(
         "--target",
         type=address,
@@ -182,7 +181,7 @@ def add_preflight_commands(add: AddCommand) -> None:
     )
     command.add_argument("--json", action="store_true", help="print JSON")
 
-    command = add("preflight", run_preflight, "Check the rig before a run; say what to do about each failed check.")
+    command = add("preflight", run_preflight)
     command.description, command.epilog = _PREFLIGHT, _PREFLIGHT_END
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.add_argument("config", metavar="RIG.TOML", help="rig file")

@@ -196,10 +196,9 @@ def run_serve(args: argparse.Namespace) -> int:
     return 0
 
 
-def add_recording_commands(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig record`, `rig replay` and `rig serve` to the command line."""
-    text = "Record a run with live view and REST, and print its summary."
-    command = add("record", run_record, text)
+    command = add("record", run_record)
     command.add_argument("config", metavar="RIG.TOML", help="rig file")
     _add_recording_options(command)
     command.add_argument("--json", action="store_true", help="print the summary as JSON")
@@ -211,7 +210,7 @@ def add_recording_commands(add: AddCommand) -> None:
         'rig record rigs/usb6251.toml --start "speed > 2000" --pre 2s',
     )
 
-    command = add("replay", run_replay, "Replay a recording through the live analysis and view.")
+    command = add("replay", run_replay)
     command.add_argument("recording", metavar="RUN", help="run id or file")
     command.add_argument(
         "--pace", type=pace, default=1.0, help="1: real time (default), 10: ten times as fast, max: full speed"
@@ -224,7 +223,7 @@ def add_recording_commands(add: AddCommand) -> None:
         command, "rig replay 2026-11-24T09-12-07-gj90c --pace 10", "rig replay data/2026-11-24T09-12-07-gj90c.mcap"
     )
 
-    command = add("serve", run_serve, "Serve page and REST for the recorded runs until stopped.")
+    command = add("serve", run_serve)
     text = "rig file: serves its data folder, and starts and stops its runs over REST"
     command.add_argument("config", metavar="RIG.TOML", nargs="?", help=text)
     add_folder(command)

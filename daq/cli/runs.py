@@ -75,10 +75,9 @@ def run_summary(args: argparse.Namespace) -> int:
 NS_PER_SECOND = 1_000_000_000
 
 
-def add_summary_command(add: AddCommand) -> None:
+def _add_summary(add: AddCommand) -> None:
     """Add `rig summary` to the command line."""
-    text = "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."
-    command = add("summary", run_summary, text)
+    command = add("summary", run_summary)
     command.add_argument("recording", metavar="RUN", help="run id or file")
     add_folder(command)
     command.add_argument(
@@ -94,14 +93,14 @@ def add_summary_command(add: AddCommand) -> None:
     show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
 
 
-def add_run_commands(add: AddCommand) -> None:
-    """Add `rig index`, `rig runs` and `rig annotate` to the command line."""
-    text = "Update the catalogue from the files; list new, changed, damaged and missing recordings."
-    command = add("index", run_index, text)
+def add_commands(add: AddCommand) -> None:
+    """Add `rig summary`, `rig index`, `rig runs` and `rig annotate` to the command line."""
+    _add_summary(add)
+    command = add("index", run_index)
     command.add_argument("--verify", action="store_true", help="verify the files not verified yet")
     _add_folder_and_json(command)
 
-    command = add("runs", run_runs, "List the recorded runs, newest first, filtered by the options given.")
+    command = add("runs", run_runs)
     command.add_argument("--since", type=_time_ns, metavar="TIME", help="started at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_time_ns, metavar="TIME", help="started before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="recorded with the rig of this name")
@@ -120,7 +119,7 @@ def add_run_commands(add: AddCommand) -> None:
         command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
     )
 
-    command = add("annotate", run_annotate, "Add a remark or tags to a run; the recording is not changed.")
+    command = add("annotate", run_annotate)
     command.add_argument("recording", metavar="RUN", help="run id or file")
     command.add_argument("--remark", help="replaces the run's remark")
     command.add_argument("--tag", action="append", default=[], help="tag to add; repeatable")

@@ -15,15 +15,14 @@ from recordings.integrity.recover import MissingSamples, recover
 from recordings.integrity.verify import Verdict, Verification, verify
 
 
-def add_verify_commands(add: AddCommand) -> None:
+def add_commands(add: AddCommand) -> None:
     """Add `rig verify` and `rig recover` to the command line."""
-    text = "Check a recording: checksums, indexes, continuity, sample counts, calibration."
-    command = add("verify", run_verify, text)
+    command = add("verify", run_verify)
     command.add_argument("recording", metavar="RUN", help="run id or file")
     add_folder(command)
     command.add_argument("--json", action="store_true", help="print JSON")
 
-    command = add("recover", run_recover, "Copy the intact part of a damaged recording and list what is missing.")
+    command = add("recover", run_recover)
     command.add_argument("recording", metavar="RUN", help="run id or file; it is not changed")
     command.add_argument(
         "-o", dest="output", default="", metavar="NEW.MCAP", help="the copy (default: RUN-recovered.mcap beside it)"

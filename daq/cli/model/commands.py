@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from daq.cli.arguments import AddCommand
 from daq.cli.model.arguments import (
     model_errors,
     non_negative,
@@ -42,8 +43,9 @@ or FILE.png draws it.
 """
 
 
-def add_model_commands(parser: argparse.ArgumentParser) -> None:
-    """Add the subcommands to the parser of `rig model`."""
+def add_commands(add_command: AddCommand) -> None:
+    """Add `rig model` with its studies to the command line."""
+    parser = add_command("model", lambda _: UsageError.exit_code)
     parser.epilog = _EPILOG
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     studies = parser.add_subparsers(dest="study", required=True, metavar="STUDY")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from daq.cli.arguments import AddCommand, show_examples, speed
 from daq.cli.output.progress import RPM, Console
 from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
@@ -79,3 +80,13 @@ def _row(prediction: Prediction) -> str:
     overall = " / ".join(f"{value * 1e6:5.1f}" for value in prediction.peak_to_peak)
     speed = f"{prediction.speed / RPM:8,.0f}"
     return f"{speed}  {x:>11}  {y:>11}   {whirl:12}   {overall:>13}  {prediction.growth_rate:+10.1f}"
+
+
+def add_commands(add: AddCommand) -> None:
+    """Add `rig predict` to the command line."""
+    command = add("predict", run)
+    command.add_argument("config", metavar="RIG.TOML", help="rig file")
+    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help="only the settled motion there")
+    command.add_argument("--json", action="store_true", help="print JSON")
+    command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
+    show_examples(command, "rig predict rigs/bench.toml --speed 11000")
