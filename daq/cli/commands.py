@@ -38,7 +38,7 @@ COMMANDS = {
     "serve": ("recording", "Serve page and REST for the recorded runs until stopped."),
     "mark": ("markers", "Add a marker to the run that is recording, from another terminal."),
     "acknowledge": ("markers", "Acknowledge the alarms of the live run, from another terminal."),
-    "summary": ("runs", "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."),
+    "summary": ("summary", "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."),
     "analyse": ("analyse", "Analyse a run's samples: orbit, Bode plot, cascade, orders, sub-synchronous …"),
     "index": ("runs", "Update the catalogue from the files; list new, changed, damaged and missing recordings."),
     "runs": ("runs", "List the recorded runs, newest first, filtered by the options given."),

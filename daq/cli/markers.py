@@ -1,28 +1,16 @@
-"""`rig mark` and `rig acknowledge`, and their counterparts typed at the terminal of a recording.
-
-The two commands call the REST service of a run that records in another terminal. At the recording's own terminal a
-line of text and Enter adds a marker, and `ack` acknowledges alarms.
-"""
+"""`rig mark` and `rig acknowledge`: requests to the REST service of a run that records in another terminal."""
 
 import argparse
 import json
-import os
-import signal
-import sys
-import threading
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from contextlib import suppress
 from http import HTTPStatus
 from typing import Any
 
 from daq.cli.arguments import AddCommand, add_service_address, show_examples
-from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
-from daq.session.alarms import alarm_text
-from daq.session.run import SupportsMarkers
 
 RESPONSE_TIMEOUT = 5.0  # s
 
@@ -104,36 +92,3 @@ def run_mark(args: argparse.Namespace) -> int:
         return 0
     print(f"marked “{response['text']}” at {response['time_s']:.1f} s of segment {response['segment']}")
     return 0
-
-
-ACKNOWLEDGE = "ack"
-"""A line with this text alone acknowledges alarms instead of adding a marker."""
-
-
-def start_marker_input(run: SupportsMarkers, console: Console) -> bool:
-    """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
-
-    It reads until the run has ended or the terminal is closed. It bypasses Python's buffered stdin: a thread blocked
-    there would delay the exit of the program.
-    """
-    if sys.stdin is None or not sys.stdin.isatty():
-        return False
-    if hasattr(signal, "SIGTTIN"):  # POSIX: lets a read in the background fail instead of stopping the process
-        signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-    threading.Thread(target=_read_lines, args=(sys.stdin.fileno(), run, console), name="markers", daemon=True).start()
-    return True
-
-
-def _read_lines(terminal: int, run: SupportsMarkers, console: Console) -> None:
-    encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
-    with suppress(OSError):  # the terminal is closed, or the command runs in the background
-        while typed := os.read(terminal, 1024):
-            text = typed.decode(encoding, errors="replace").strip()
-            if text == ACKNOWLEDGE:
-                alarms = run.acknowledge()
-                console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in alarms) or "no new alarm")
-                continue
-            marker = run.add_marker(text)
-            if marker is None:
-                return
-            console.line(f"marked “{marker.text}”")

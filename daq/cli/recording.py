@@ -1,14 +1,17 @@
 """`rig record`, `rig replay` and `rig serve`: the commands with a live run, a live view and a service."""
 
 import argparse
+import os
+import signal
+import sys
+import threading
 import time
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from importlib.metadata import version
 from pathlib import Path
 
 from daq.cli.arguments import AddCommand, add_folder, add_service_address, duration, pace, show_examples
 from daq.cli.live_services import LiveServices
-from daq.cli.markers import start_marker_input
 from daq.cli.output.progress import Console, status_line
 from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
@@ -20,12 +23,13 @@ from daq.drivers.replay import open_replay
 from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import run_schema
 from daq.service.results_reader import ResultsReader
+from daq.session.alarms import alarm_text
 from daq.session.live_update import RunState, Status
 from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
-from daq.session.run import Run, RunOutcome
+from daq.session.run import Run, RunOutcome, SupportsMarkers
 from daq.session.run_manager import RunManager
 from daq.session.runout_reference import with_reference_runout
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
@@ -257,3 +261,36 @@ def _add_recording_options(parser: argparse.ArgumentParser) -> None:
         "--events", type=int, metavar="N", help="rearm after each stop, for N recordings (0: until Ctrl-C); each a file"
     )
     group.add_argument("--hold-off", type=duration, metavar="TIME", help="time from a stop to rearming: 10s …")
+
+
+ACKNOWLEDGE = "ack"
+"""A line with this text alone acknowledges alarms instead of adding a marker."""
+
+
+def start_marker_input(run: SupportsMarkers, console: Console) -> bool:
+    """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
+
+    It reads until the run has ended or the terminal is closed. It bypasses Python's buffered stdin: a thread blocked
+    there would delay the exit of the program.
+    """
+    if sys.stdin is None or not sys.stdin.isatty():
+        return False
+    if hasattr(signal, "SIGTTIN"):  # POSIX: lets a read in the background fail instead of stopping the process
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)
+    threading.Thread(target=_read_lines, args=(sys.stdin.fileno(), run, console), name="markers", daemon=True).start()
+    return True
+
+
+def _read_lines(terminal: int, run: SupportsMarkers, console: Console) -> None:
+    encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
+    with suppress(OSError):  # the terminal is closed, or the command runs in the background
+        while typed := os.read(terminal, 1024):
+            text = typed.decode(encoding, errors="replace").strip()
+            if text == ACKNOWLEDGE:
+                alarms = run.acknowledge()
+                console.line("\n".join(f"acknowledged {alarm_text(alarm)}" for alarm in alarms) or "no new alarm")
+                continue
+            marker = run.add_marker(text)
+            if marker is None:
+                return
+            console.line(f"marked “{marker.text}”")

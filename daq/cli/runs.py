@@ -1,19 +1,14 @@
-"""`rig index`, `rig runs`, `rig annotate` and `rig summary`: the catalogue of recorded runs."""
+"""`rig index`, `rig runs` and `rig annotate`: the catalogue of recorded runs."""
 
 import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
-from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, calibration, show_examples, speed
+from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
 from daq.cli.output.progress import RPM, Console
-from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
-from daq.config.calibration import load_calibration
 from daq.errors import UsageError
-from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
-from daq.session.offline import summarise
-from daq.session.prediction.predictor import Predictors
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError
@@ -56,46 +51,11 @@ def annotation_texts(run: RunSchema) -> list[str]:
     return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in texts if text)]
 
 
-def run_summary(args: argparse.Namespace) -> int:
-    """Print the summary of a run; return the exit code."""
-    console = Console()
-    catalogue, run_id = find_run(args.recording, args.folder)
-    calibrations = {name: load_calibration(path) for name, path in args.calibration}
-    with Predictors() as predictors:
-        summaries = Summaries(catalogue, predictors)
-        if calibrations:
-            summary = summaries.recalibrated_summary(run_id, calibrations, console.progress)
-        else:
-            summary = summaries.summary_with_agreement(run_id, console.progress)
-    console.clear()
-    print_summary(summary, as_json=args.json)
-    return 0 if summary.is_gap_free else INCOMPLETE
-
-
 NS_PER_SECOND = 1_000_000_000
 
 
-def _add_summary(add: AddCommand) -> None:
-    """Add `rig summary` to the command line."""
-    command = add("summary", run_summary)
-    command.add_argument("recording", metavar="RUN", help="run id or file")
-    add_folder(command)
-    command.add_argument(
-        "--calibration",
-        type=calibration,
-        action="append",
-        default=[],
-        metavar="PROBE=FILE",
-        help="re-evaluate the samples with this calibration, as x=probe-x-2026-11-24.toml; repeatable; the recording "
-        "is not changed",
-    )
-    command.add_argument("--json", action="store_true", help="print JSON")
-    show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
-
-
 def add_commands(add: AddCommand) -> None:
-    """Add `rig summary`, `rig index`, `rig runs` and `rig annotate` to the command line."""
-    _add_summary(add)
+    """Add `rig index`, `rig runs` and `rig annotate` to the command line."""
     command = add("index", run_index)
     command.add_argument("--verify", action="store_true", help="verify the files not verified yet")
     _add_folder_and_json(command)
@@ -135,6 +95,8 @@ def _add_folder_and_json(command: argparse.ArgumentParser) -> None:
 
 def run_index(args: argparse.Namespace) -> int:
     """Update the catalogue from the files; return the exit code."""
+    from daq.session.offline import summarise  # noqa: PLC0415 - the analysis takes a second to import, which `rig runs` need not wait
+
     console = Console()
     catalogue = Catalogue(data_folder(args.folder))
     report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)

@@ -11,7 +11,7 @@ from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -8,7 +8,7 @@ from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Color, dimmed
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from daq.view.axes import Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import CLEARANCE, LABEL, MODEL, TEXT, dimmed, shades
 from daq.view.traces import draw_horizontal_marker
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]
 

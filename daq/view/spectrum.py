@@ -12,7 +12,7 @@ from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
 from daq.view.status_text import micrometres
 from daq.view.stroke_font import text_width
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
 HIGHEST_ORDER = 3.0

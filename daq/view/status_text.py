@@ -13,7 +13,7 @@ from daq.view.bode import phase_lag
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.view.stroke_font import text_width
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 
 def rpm(speed: float) -> str:

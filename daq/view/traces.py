@@ -13,7 +13,7 @@ from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import Anchor, Drawing
 from daq.view.palette import ALARM, LABEL, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, TEXT, Color
 from daq.view.stroke_font import text_width
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 from recordings.mcap.markers import MarkerKind
 
 _COLORS = {MarkerKind.WORD: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
 from model.dynamics.motion import ShaftMotion
-from model.prediction.prediction_map import Prediction, PredictionMap, analyse_motion
+from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import PredictionMap, analyse_motion
 from model.rotor.parameters import ModelParameters
 
 ComplexArray = NDArray[np.complex128]

@@ -9,9 +9,10 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from daq.schemas.units import Schema
+if TYPE_CHECKING:
+    from daq.schemas.units import Schema  # pydantic takes a tenth of a second, which `rig mark` does not need
 
 Cell = float | str
 
@@ -132,12 +133,12 @@ def print_lines(lines: Iterable[str]) -> None:
         print(wrap_line(line, width))
 
 
-def print_json(content: Schema | list[Schema] | dict[str, Any]) -> None:
+def print_json(content: "Schema | list[Schema] | dict[str, Any]") -> None:
     """Print a schema, a list of schemas or a service's response as JSON; with ASCII escapes unless stdout is UTF-8."""
     plain: object = content
     if isinstance(content, list):
         plain = [each.model_dump(mode="json") for each in content]
-    elif isinstance(content, Schema):
+    elif not isinstance(content, dict):
         plain = json.loads(content.model_dump_json())
     is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
     print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))

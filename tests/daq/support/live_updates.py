@@ -24,7 +24,7 @@ from analysis.signals.header import (
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from daq.session.live_update import LiveUpdate, RunState, Status
-from model.prediction.prediction_map import Prediction
+from model.prediction.prediction import Prediction
 
 RATE = 100_000.0
 RPM = 2.0 * math.pi / 60.0
