@@ -21,37 +21,39 @@ def glitch_samples(size: int, rate: float) -> int:
     return min(round(GLITCH_TIME * rate), size // MIN_SAMPLES_PER_GLITCH)
 
 
-def trimmed_extremes(samples: FloatArray, spare: int) -> tuple[FloatArray, FloatArray]:
+def trimmed_extremes(samples: FloatArray, excluded: int) -> tuple[FloatArray, FloatArray]:
     """Return the smallest and the largest sample of each row, without the most extreme ones at either end.
 
     Parameters
     ----------
     samples : ndarray of float64, shape (n_rows, n)
-        Any unit, without NaN; n more than ``2 * spare``.
-    spare : int
+        Any unit, without NaN; n more than ``2 * excluded``.
+    excluded : int
         Number of samples excluded at either end.
 
     Returns
     -------
     low, high : ndarray of float64, shape (n_rows,)
-        The samples of rank ``spare`` from below and from above, counted from 0, exactly.
+        The samples of rank ``excluded`` from below and from above, counted from 0, exactly.
 
     Notes
     -----
     Faster than sorting: a sorted subsample bounds the few values that must be ranked (R. Floyd and R. Rivest, Expected
     time bounds for selection, CACM 18, 1975).
     """
-    if samples.ndim != 2 or not 0 <= 2 * spare < samples.shape[1]:
-        raise ValueError(f"samples, spare: shape {samples.shape} and {spare}, expected (n_rows, n) and less than n / 2")
+    if samples.ndim != 2 or not 0 <= 2 * excluded < samples.shape[1]:
+        raise ValueError(
+            f"samples, excluded: shape {samples.shape} and {excluded}, expected (n_rows, n) and less than n / 2"
+        )
     low, high = np.empty(len(samples)), np.empty(len(samples))
     for row, values in enumerate(samples):
         subsample = np.sort(values[::SUBSAMPLING])
-        place = min(2 * spare // SUBSAMPLING + SUBSAMPLE_MARGIN, subsample.size - 1)
+        place = min(2 * excluded // SUBSAMPLING + SUBSAMPLE_MARGIN, subsample.size - 1)
         few = values[values <= subsample[place]]
-        low[row] = np.partition(few if few.size > spare else values, spare)[spare]
+        low[row] = np.partition(few if few.size > excluded else values, excluded)[excluded]
         few = values[values >= subsample[-1 - place]]
-        from_above = few if few.size > spare else values
-        high[row] = np.partition(from_above, from_above.size - 1 - spare)[from_above.size - 1 - spare]
+        from_above = few if few.size > excluded else values
+        high[row] = np.partition(from_above, from_above.size - 1 - excluded)[from_above.size - 1 - excluded]
     return low, high
 
 

@@ -119,14 +119,14 @@ class MarkSpacing:
         first = int(bounds[::2][lengths.argmax()])
         return times[first : first + int(lengths.max()) + self._marks + 1]
 
-    def first_mark(self, intervals: FloatArray, most: float) -> int | None:
+    def first_mark(self, intervals: FloatArray, max_ratio: float) -> int | None:
         """Return the mark at the end of the first of the intervals; None where they do not fit the spacing.
 
         Parameters
         ----------
         intervals : ndarray of float64, shape (n,)
             Between successive pulses, at least one revolution, s.
-        most : float
+        max_ratio : float
             Largest ratio of successive intervals, each divided by its ratio in the spacing.
         """
         longest = int(np.argmax(intervals[: self._marks]))
@@ -135,6 +135,6 @@ class MarkSpacing:
             first = (mark - longest) % self._marks
             even = intervals / self.ratios[(first + np.arange(intervals.size)) % self._marks]
             ratios = even[1:] / even[:-1]
-            if ratios.max() <= most and ratios.min() >= 1.0 / most:
+            if ratios.max() <= max_ratio and ratios.min() >= 1.0 / max_ratio:
                 return int(first)
         return None

@@ -14,12 +14,12 @@ from analysis.shaft.overall import trimmed_extremes
     st.integers(0, 30),
     st.integers(1, 40),
 )
-def test_trimmed_extremes_equal_those_of_sorting(values: list[float], spare: int, repeats: int) -> None:
+def test_trimmed_extremes_equal_those_of_sorting(values: list[float], excluded: int, repeats: int) -> None:
     row = np.tile(values, repeats)
-    spare = min(spare, (row.size - 1) // 2)
+    excluded = min(excluded, (row.size - 1) // 2)
     ranked = np.sort(row)
-    low, high = trimmed_extremes(row[None], spare)
-    assert (low[0], high[0]) == (ranked[spare], ranked[row.size - 1 - spare])
+    low, high = trimmed_extremes(row[None], excluded)
+    assert (low[0], high[0]) == (ranked[excluded], ranked[row.size - 1 - excluded])
 
 
 def test_trimmed_extremes_of_motion_with_glitches_equal_those_of_sorting() -> None:
@@ -33,7 +33,7 @@ def test_trimmed_extremes_of_motion_with_glitches_equal_those_of_sorting() -> No
     assert np.ptp(rows[1]) > 2.0 * float(high[1] - low[1])
 
 
-@pytest.mark.parametrize(("shape", "spare"), [((2, 10), 5), ((10,), 0), ((2, 10), -1)])
-def test_excluding_too_many_samples_is_refused(shape: tuple[int, ...], spare: int) -> None:
-    with pytest.raises(ValueError, match="samples, spare"):
-        trimmed_extremes(np.zeros(shape), spare)
+@pytest.mark.parametrize(("shape", "excluded"), [((2, 10), 5), ((10,), 0), ((2, 10), -1)])
+def test_excluding_too_many_samples_is_refused(shape: tuple[int, ...], excluded: int) -> None:
+    with pytest.raises(ValueError, match="samples, excluded"):
+        trimmed_extremes(np.zeros(shape), excluded)
