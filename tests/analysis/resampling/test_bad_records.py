@@ -224,9 +224,9 @@ WRONG: dict[str, tuple[str, Callable[[AngularRecord], object]]] = {
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_invalid_settings_are_refused_by_name(wrong: str) -> None:
-    name, ask = WRONG[wrong]
+    name, call = WRONG[wrong]
     with pytest.raises(ValueError, match=name):
-        ask(record_of(STEADY, "wave"))
+        call(record_of(STEADY, "wave"))
 
 
 @pytest.mark.parametrize("jump", [0.85, 1.18, 1.6])

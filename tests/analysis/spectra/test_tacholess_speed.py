@@ -66,7 +66,7 @@ def test_run_without_tacho_has_amplitudes_but_no_phases(make_bench: Callable[...
     track = track_order(record, 1.0)
     assert np.median(np.abs(track.vectors)) == pytest.approx(20 * MICRO, rel=0.02)
     np.testing.assert_allclose(track.phase_sigma, np.pi / np.sqrt(3.0))  # that of an unknown phase
-    assert np.isnan(track.speed_sigma).all()  # the ridge's own tells
+    assert np.isnan(track.speed_sigma).all()  # the uncertainty is in the ridge
     whirl = subsynchronous_tracks(order_map(record))[0]
     assert whirl.order == pytest.approx(0.47, abs=0.003)
 
