@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import FRAME, GRID, LABEL
+from daq.view.drawing import FRAME, GRID, LABEL, Anchor, Drawing
 
 FloatArray = NDArray[np.float64]
 

@@ -5,8 +5,20 @@ import math
 from analysis.signals.header import Role, Severity
 from analysis.signals.snapshot import TachoState
 from daq.session.live_update import LiveUpdate, RunState, Status
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import ALARM, DANGER, DARK_TEXT, GOOD, GRID, LABEL, MEASURED_X, MEASURED_Y, TEXT, Color
+from daq.view.drawing import (
+    ALARM,
+    DANGER,
+    DARK_TEXT,
+    GOOD,
+    GRID,
+    LABEL,
+    MEASURED_X,
+    MEASURED_Y,
+    TEXT,
+    Anchor,
+    Color,
+    Drawing,
+)
 from daq.view.status_text import clock, disk_time, rpm, worst_alarm
 from daq.view.stroke_font import text_width
 

@@ -9,8 +9,7 @@ from analysis.signals.header import RunHeader
 from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Color, dimmed
+from daq.view.drawing import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Anchor, Color, Drawing, dimmed
 from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]

@@ -6,8 +6,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Color, dimmed
+from daq.view.drawing import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Anchor, Color, Drawing, dimmed
 from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]

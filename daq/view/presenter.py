@@ -9,9 +9,8 @@ from analysis.signals.header import RunHeader
 from daq.session.live_update import LiveUpdate
 from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, traces
 from daq.view.bode import BodePlot
-from daq.view.drawing import Drawing
+from daq.view.drawing import BACKGROUND, Drawing
 from daq.view.orbit import OrbitPlot
-from daq.view.palette import BACKGROUND
 from daq.view.spectral_maps import CascadePlot, WaterfallPlot
 from daq.view.spectrum import SpectrumPlot
 from daq.view.status_text import details, signal_table

@@ -13,8 +13,7 @@ from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.waterfall import Cascade, Waterfall
 from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import CLEARANCE, LABEL, MODEL, TEXT, dimmed, shades
+from daq.view.drawing import CLEARANCE, LABEL, MODEL, TEXT, Anchor, Drawing, dimmed, shades
 from daq.view.traces import draw_horizontal_marker
 from model.prediction.prediction import Prediction
 

@@ -10,8 +10,7 @@ from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
 from daq.session.live_update import LiveUpdate
 from daq.view.bode import phase_lag
-from daq.view.drawing import Anchor, Drawing
-from daq.view.palette import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
+from daq.view.drawing import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Anchor, Color, Drawing
 from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction
 

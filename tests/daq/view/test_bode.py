@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.snapshot import OrderFrame
 from daq.view.bode import BodePlot
-from daq.view.drawing import Drawing
-from daq.view.palette import MEASURED_X
+from daq.view.drawing import MEASURED_X, Drawing
 from tests.daq.support.live_updates import RPM, make_header, make_live_updates
 
 UP, DOWN = 20e-6, 10e-6  # m peak, of 1X on the way up and down
