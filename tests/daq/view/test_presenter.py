@@ -110,7 +110,7 @@ def test_every_entity_of_every_plot_has_data(run_up: Logged) -> None:
 def test_measured_and_predicted_are_drawn_in_their_colours(run_up: Logged, plot: str) -> None:
     assert any(len(strip) > 20 for strip in run_up.strips(f"/{plot}/measured", MEASURED_X))
     dashes = run_up.strips(f"/{plot}/model", MODEL)
-    assert len(dashes) > 20  # told from what is measured without their colour, too
+    assert len(dashes) > 20  # distinguishable from measured curves without colour
     lengths = [float(np.hypot(*np.diff(dash, axis=0).T).sum()) for dash in dashes]
     assert float(np.median(lengths)) < 4.0 * MODEL_DASH
 
