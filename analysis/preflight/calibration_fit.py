@@ -6,6 +6,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE
+
 FloatArray = NDArray[np.float64]
 
 MIN_FREEDOM = 1  # points more than coefficients: a polynomial through every point has no residual
@@ -90,7 +92,7 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     if np.any(slopes <= 0.0):
         at = float(np.linspace(low, high, GRID_POINTS)[int(np.argmin(slopes))])
         odd = _odd_point(gaps, volts, order)
-        without = "" if odd is None else f", or leave out the point at {gaps[odd] * 1e6:g} µm"
+        without = "" if odd is None else f", or leave out the point at {gaps[odd] / MICROMETRE:g} µm"
         raise ValueError(
             f"the polynomial of order {order} falls at {at:.2f} V, expected a rise: try a lower order{without}"
         )
@@ -118,7 +120,7 @@ def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
     if falls.size == 0 and gaps[0] < gaps[-1]:
         return
     first = int(falls[0]) if falls.size else 0
-    one, other = gaps[first : first + 2] * 1e6 if gaps.size > 1 else (np.nan, np.nan)
+    one, other = gaps[first : first + 2] / MICROMETRE if gaps.size > 1 else (np.nan, np.nan)
     after = min(first + 1, volts.size - 1)
     raise ValueError(
         f"{volts[first]:.3f} V at {one:g} µm, {volts[after]:.3f} V at {other:g} µm: expected a voltage that rises with "

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from analysis.signals.units import MICROMETRE
+
 
 class Verdict(StrEnum):
     """Verdict of a check."""
@@ -101,9 +103,6 @@ def worst_verdict(checks: tuple[Check, ...]) -> Verdict:
     return max((check.verdict for check in checks), key=order.index, default=Verdict.GOOD)
 
 
-MICRO = 1e-6
-
-
 @dataclass(frozen=True, slots=True)
 class WiringLimits:
     """Limits of the wiring checks.
@@ -123,8 +122,8 @@ class WiringLimits:
         A limit is negative, or hum fails before it warns.
     """
 
-    hum_warn: float = 1.0 * MICRO
-    hum_fail: float = 5.0 * MICRO
+    hum_warn: float = 1.0 * MICROMETRE
+    hum_fail: float = 5.0 * MICROMETRE
     tacho_scatter: float = 0.05
     mark_tolerance: float = 0.15
 

@@ -7,6 +7,7 @@ from analysis.preflight.checks import Check, Finding
 from analysis.resampling.angular_record import tacho_edges
 from analysis.signals.header import Acquisition, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
+from analysis.signals.units import MICROSECOND
 from analysis.tacho.counter_comparison import SETTLING_TIME, START_MARGIN, CounterComparison
 
 MIN_EDGES = 3  # to compare
@@ -56,7 +57,7 @@ def counter_check(acquisition: Acquisition, codes: NDArray[np.int16], ticks: NDA
 
 def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Check:
     if report.state is CounterState.AGREES:
-        value = f"{report.compared:,} edges, {report.largest_difference * 1e6:.2f} µs at most"
+        value = f"{report.compared:,} edges, {report.largest_difference / MICROSECOND:.2f} µs at most"
         return Check.passed("tacho counter", value, _limit(counter))
     value = f"{report.compared:,} matched, {report.missing:,} missing, {report.extra:,} extra"
     if report.compared == 0 and not report.extra:
@@ -93,4 +94,4 @@ def _bad(counter: TachoCounter, finding: Finding, value: str, advice: str) -> Ch
 
 
 def _limit(counter: TachoCounter) -> str:
-    return f"each edge, within {counter.max_difference * 1e6:g} µs of the samples"
+    return f"each edge, within {counter.max_difference / MICROSECOND:g} µs of the samples"

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import MICRO, Check, Finding, WiringLimits
+from analysis.preflight.checks import Check, Finding, WiringLimits
 from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
@@ -139,9 +140,9 @@ def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limi
         Amplitudes for a warning and a failure.
     """
     name = f"{probe.name} mains hum"
-    limit = f"{limits.hum_warn / MICRO:g} µm peak at 50 or 60 Hz"
+    limit = f"{limits.hum_warn / MICROMETRE:g} µm peak at 50 or 60 Hz"
     line = slow.mains_line()
-    value = f"{line.amplitude / MICRO:.2f} µm at {line.frequency:.0f} Hz"
+    value = f"{line.amplitude / MICROMETRE:.2f} µm at {line.frequency:.0f} Hz"
     if line.amplitude <= limits.hum_warn:
         return Check.passed(name, value, limit)
     if not line.is_separable:

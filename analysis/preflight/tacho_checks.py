@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from analysis.preflight.checks import Check, Finding, WiringLimits
 from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.header import Channel, Edge, Tacho
+from analysis.signals.units import MILLISECOND, MILLIVOLT, RPM
 from analysis.tacho.edges import EdgeDetector
 
 FloatArray = NDArray[np.float64]
-RPM = 2.0 * np.pi / 60.0
 
 MIN_EDGES = 3  # for a speed
 MIN_NOISE_MARGIN = 6.0  # times the scatter, from a level to its switching level
@@ -124,7 +124,7 @@ def speed_limit_check(tacho: Tacho, speed: float) -> Check:
     limit = f"{highest / RPM:,.0f} r/min"
     mark = (
         f"a mark over {100 * tacho.mark_fraction:.0f} % of a revolution and a response time of "
-        f"{1e3 * tacho.response_time:g} ms"
+        f"{tacho.response_time / MILLISECOND:g} ms"
     )
     if speed > highest:
         advice = (
@@ -200,8 +200,8 @@ def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
     needed = MIN_NOISE_MARGIN * levels.scatter
     margin = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
-    name, value = "tacho noise", f"{1e3 * levels.scatter:.0f} mV rms"
-    limit = f"{1e3 * margin / MIN_NOISE_MARGIN:.0f} mV rms"
+    name, value = "tacho noise", f"{levels.scatter / MILLIVOLT:.0f} mV rms"
+    limit = f"{margin / MIN_NOISE_MARGIN / MILLIVOLT:.0f} mV rms"
     if margin >= needed:
         return Check.passed(name, value, limit)
     advice = (

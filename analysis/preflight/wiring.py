@@ -3,11 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import MICRO, Check, Finding, Verdict, WiringLimits
+from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits
 from analysis.preflight.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
 from analysis.preflight.switching_levels import find_state_levels
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
 from analysis.signals.header import Acquisition, Channel, Role
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.disturbances import LowFrequencySignal
 
 FloatArray = NDArray[np.float64]
@@ -15,9 +16,9 @@ FloatArray = NDArray[np.float64]
 MAX_CORRELATION = 0.999  # of two separate signals, unless their means differ
 MAX_EQUAL_MEAN = 0.01  # V: a straight-line orbit is possible, but not two equal gaps
 MAX_NOISE_CORRELATION = 0.6  # of the noise of two conditioners, which is independent
-MIN_MOTION = 0.5 * MICRO  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
+MIN_MOTION = 0.5 * MICROMETRE  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
 MAX_BACKWARD_RATIO = 3.0  # of the backward to the forward 1X circle of a light rotor on oil films
-MIN_CIRCLE = 0.05 * MICRO  # m peak, of a circle whose direction is checked
+MIN_CIRCLE = 0.05 * MICROMETRE  # m peak, of a circle whose direction is checked
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
@@ -120,7 +121,7 @@ def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) 
     """Return the check that 1X precesses forward, as run-out and unbalance do."""
     forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
     name, limit = "1X direction", "forward"
-    value = f"forward {forward / MICRO:.2f}, backward {backward / MICRO:.2f} µm peak"
+    value = f"forward {forward / MICROMETRE:.2f}, backward {backward / MICROMETRE:.2f} µm peak"
     if backward < MAX_BACKWARD_RATIO * forward or backward < MIN_CIRCLE:
         return Check.passed(name, value, limit)
     first, second = (probe.channel for probe in probes)

@@ -4,7 +4,8 @@ from enum import StrEnum
 
 import numpy as np
 
-RPM = 2.0 * np.pi / 60.0
+from analysis.signals.units import RPM
+
 MIN_REVERSAL = 100.0 * RPM  # rad/s: a smaller change back is speed fluctuation
 MIN_REVERSAL_FRACTION = 0.02  # of the speed, where that is more
 

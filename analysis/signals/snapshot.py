@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import phase_sigma
+from analysis.signals.units import MICROSECOND
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -126,7 +127,7 @@ class CounterReport:
                 if count
             ],
             CounterState.TIMES_DIFFER: [
-                f"{self.out_of_tolerance:,} edges up to {self.largest_difference * 1e6:,.1f} µs apart"
+                f"{self.out_of_tolerance:,} edges up to {self.largest_difference / MICROSECOND:,.1f} µs apart"
             ],
         }
         return " and ".join(odds.get(self.state, []))

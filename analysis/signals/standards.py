@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MICRO = 1e-6
-RPM = 60.0 / (2.0 * np.pi)  # r/min of a rad/s
+from analysis.signals.units import MICROMETRE, RPM
+
 ISO_SPEED_RANGE = (120.0, 30_000.0)  # r/min, in the title of ISO 20816-3:2022
 ISO_ZONES = (("A/B", 4800.0), ("B/C", 9000.0), ("C/D", 13_200.0))  # um peak-to-peak times the root of r/min
 ISO_SCOPE = "industrial machines above 15 kW that run at 120 to 30,000 r/min"
@@ -70,20 +70,20 @@ def standard_limits(speed: float) -> tuple[StandardLimit, ...]:
     """
     if not 0.0 < speed < np.inf:
         raise ValueError(f"speed: {speed} rad/s, expected more than 0, finite")
-    rpm = speed * RPM
+    rpm = speed / RPM
     inside = ISO_SPEED_RANGE[0] <= rpm <= ISO_SPEED_RANGE[1]
     iso = [
         StandardLimit(
             "ISO 20816-3",
             f"zone boundary {name}",
-            float(k / np.sqrt(rpm) * MICRO) if inside else np.nan,
+            float(k / np.sqrt(rpm) * MICROMETRE) if inside else np.nan,
             ISO_SCOPE,
             inside,
             ISO_SOURCE,
         )
         for name, k in ISO_ZONES
     ]
-    running = min(API_MAX_LIMIT * float(np.sqrt(API_REFERENCE_SPEED / rpm)), API_MAX_LIMIT) * MICRO
+    running = min(API_MAX_LIMIT * float(np.sqrt(API_REFERENCE_SPEED / rpm)), API_MAX_LIMIT) * MICROMETRE
     runout = allowed_combined_runout(running)
     return (
         *iso,
@@ -99,7 +99,7 @@ def allowed_combined_runout(allowed: float) -> float:
     """
     if not allowed >= 0.0:
         raise ValueError(f"allowed: {allowed} m peak-to-peak, expected 0 or more")
-    return max(API_MIN_RUNOUT * MICRO, API_RUNOUT_FRACTION * allowed)
+    return max(API_MIN_RUNOUT * MICROMETRE, API_RUNOUT_FRACTION * allowed)
 
 
 def permissible_unbalance(grade: float, mass: float, speed: float) -> float:

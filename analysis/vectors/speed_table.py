@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.signals.units import RPM
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-BIN_WIDTH = 2.0 * np.pi * 200.0 / 60.0  # rad/s
+BIN_WIDTH = 200.0 * RPM  # rad/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

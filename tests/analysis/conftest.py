@@ -24,6 +24,7 @@ from analysis.signals.header import (
 )
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.signals.units import RPM
 
 FloatArray = NDArray[np.float64]
 Codes = NDArray[np.int16]
@@ -174,7 +175,7 @@ def header(make_bench: Callable[..., Bench]) -> RunHeader:
         started_ns=1_767_225_600_000_000_000,
         acquisition=bench.acquisition,
         settings=bench.settings,
-        limits=Limits(80e-6, 95e-6, 100e-6, 2 * np.pi * 20_000 / 60),
+        limits=Limits(80e-6, 95e-6, 100e-6, 20_000 * RPM),
         config_toml="",
         program="test",
     )

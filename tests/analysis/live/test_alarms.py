@@ -19,15 +19,15 @@ from analysis.live.alarms import (
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.units import MICROMETRE
 
-MICRO = 1e-6
-LIMITS = Limits(80 * MICRO, 95 * MICRO, 100 * MICRO, 2000.0)
+LIMITS = Limits(80 * MICROMETRE, 95 * MICROMETRE, 100 * MICROMETRE, 2000.0)
 AT_ONCE = replace(LIMITS, hold=0.0)
 
 
 def fed(monitor: LimitMonitor, values: list[float], segment: int = 0) -> list[bool]:
     """Add overall vibrations in um, two per second."""
-    return [monitor.update(value * MICRO, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
+    return [monitor.update(value * MICROMETRE, TimeInRun(segment, 0.5 * k, 1000.0)) for k, value in enumerate(values)]
 
 
 def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
@@ -39,7 +39,7 @@ def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
         tacho=TachoReport(TachoState.GOOD, 1, 0, 0, 1e-6),
         gap_volts=np.array([5.0, 5.0]),
         gap_ok=np.array([True, True]),
-        peak_to_peak=np.array([x, y]) * MICRO,
+        peak_to_peak=np.array([x, y]) * MICROMETRE,
         clipped=np.zeros(3, dtype=np.int64),
         frame=None,
         trace=Trace(np.empty(0), np.empty((2, 0)), np.empty(0)),
@@ -58,7 +58,7 @@ def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> Order
     """Return a frame with 1X and components below it of given amplitudes, um peak at x and y, and various phases."""
     turned = np.array([np.exp(0.3j), np.exp(-2.0j)])
     vectors = np.zeros((2, 2), dtype=np.complex128)
-    vectors[0] = np.array(one) * MICRO * turned
+    vectors[0] = np.array(one) * MICROMETRE * turned
     return OrderFrame(
         speed=1000.0,
         acceleration=0.0,
@@ -67,7 +67,7 @@ def order_frame(one: tuple[float, float], *whirls: tuple[float, float]) -> Order
         vectors=vectors,
         noise=0.0,
         whirls=tuple(
-            Whirl(0.2 + 0.1 * k, max(pair) * MICRO, 0.0, np.array(pair) * MICRO * turned)
+            Whirl(0.2 + 0.1 * k, max(pair) * MICROMETRE, 0.0, np.array(pair) * MICROMETRE * turned)
             for k, pair in enumerate(whirls)
         ),
         orbit=np.empty((2, 0)),
@@ -82,7 +82,9 @@ def summarised(alarms: tuple[Alarm, ...]) -> list[tuple[str, str, str, float | N
 
 
 def test_1x_is_monitored_at_each_probe_as_measured() -> None:
-    monitor = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO, order_1x_danger=30 * MICRO), ("x", "y"))
+    monitor = AlarmMonitor(
+        replace(AT_ONCE, order_1x_alarm=20 * MICROMETRE, order_1x_danger=30 * MICROMETRE), ("x", "y")
+    )
     for k, one in enumerate([(10.0, 10.0), (22.0, 31.0), (19.5, 28.0), (18.0, 10.0)]):
         monitor.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame(one)))
     assert summarised(monitor.alarms) == [
@@ -90,16 +92,16 @@ def test_1x_is_monitored_at_each_probe_as_measured() -> None:
         ("1X", "y", "alarm", 1.5),
         ("1X", "y", "danger", 1.0),
     ]
-    assert monitor.alarms[2].largest == pytest.approx(31 * MICRO)
-    assert monitor.alarms[2].limit == 30 * MICRO
+    assert monitor.alarms[2].largest == pytest.approx(31 * MICROMETRE)
+    assert monitor.alarms[2].limit == 30 * MICROMETRE
 
 
 def test_components_below_1x_are_monitored_as_a_sum() -> None:
-    monitor = AlarmMonitor(replace(AT_ONCE, below_1x_danger=12 * MICRO), ("x", "y"))
+    monitor = AlarmMonitor(replace(AT_ONCE, below_1x_danger=12 * MICROMETRE), ("x", "y"))
     for k, whirls in enumerate([[(8.0, 11.0)], [(8.0, 11.0), (5.0, 0.5)], []]):
         monitor.update(replace(snapshot(0.5 * k, 5.0, 5.0), frame=order_frame((50.0, 50.0), *whirls)))
     assert summarised(monitor.alarms) == [("below 1X", "x", "danger", 1.0)]
-    assert monitor.alarms[0].largest == pytest.approx(13 * MICRO)
+    assert monitor.alarms[0].largest == pytest.approx(13 * MICROMETRE)
 
 
 def test_overspeed_gives_one_alarm_without_a_probe() -> None:
@@ -114,7 +116,7 @@ def test_overspeed_gives_one_alarm_without_a_probe() -> None:
 
 
 def test_overspeed_has_no_hold_time() -> None:
-    monitor = AlarmMonitor(replace(LIMITS, speed_danger=150.0, order_1x_danger=20 * MICRO), ("x", "y"))
+    monitor = AlarmMonitor(replace(LIMITS, speed_danger=150.0, order_1x_danger=20 * MICROMETRE), ("x", "y"))
     new_alarms = monitor.update(replace(snapshot(0.0, 99.0, 99.0), speed=151.0, frame=order_frame((30.0, 30.0))))
     assert summarised(new_alarms) == [("speed", "", "danger", None)]
 
@@ -126,7 +128,7 @@ def test_quantity_without_limit_raises_no_alarm() -> None:
 
 
 def test_without_tacho_a_1x_alarm_neither_begins_nor_ends() -> None:
-    monitor = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICRO), ("x", "y"))
+    monitor = AlarmMonitor(replace(AT_ONCE, order_1x_alarm=20 * MICROMETRE), ("x", "y"))
     loud, silent = replace(snapshot(0.0, 5.0, 5.0), frame=order_frame((25.0, 1.0))), snapshot(1.0, 60.0, 60.0)
     assert np.isnan(monitored_values(silent)[MonitoredQuantity.ORDER_1X]).all()
     counts = []
@@ -137,7 +139,7 @@ def test_without_tacho_a_1x_alarm_neither_begins_nor_ends() -> None:
 
 
 def test_alarms_of_all_quantities_are_numbered_in_the_order_of_their_begin() -> None:
-    limits = replace(AT_ONCE, order_1x_alarm=20 * MICRO, speed_danger=150.0)
+    limits = replace(AT_ONCE, order_1x_alarm=20 * MICROMETRE, speed_danger=150.0)
     monitor = AlarmMonitor(limits, ("x", "y"))
     for k, (overall, one, speed) in enumerate([(70, 25, 100.0), (85, 25, 100.0), (10, 1, 200.0), (10, 1, 100.0)]):
         monitor.update(replace(snapshot(0.5 * k, overall, 1.0), speed=speed, frame=order_frame((one, 0.0))))
@@ -151,34 +153,34 @@ def test_alarms_of_all_quantities_are_numbered_in_the_order_of_their_begin() -> 
 
 
 def test_alarm_begins_after_the_hold_time() -> None:
-    monitor = LimitMonitor(80 * MICRO, 0.05, hold=1.0)
+    monitor = LimitMonitor(80 * MICROMETRE, 0.05, hold=1.0)
     assert fed(monitor, [70, 85, 70, 85, 90, 85]) == [False] * 5 + [True]
-    assert monitor.largest == pytest.approx(90 * MICRO)
+    assert monitor.largest == pytest.approx(90 * MICROMETRE)
     assert monitor.largest_at.time == 2.0
 
 
 def test_alarm_ends_below_the_hysteresis() -> None:
-    assert fed(LimitMonitor(80 * MICRO, 0.05, 0.0), [80, 77, 76.1, 75.9, 79]) == [True, True, True, False, False]
+    assert fed(LimitMonitor(80 * MICROMETRE, 0.05, 0.0), [80, 77, 76.1, 75.9, 79]) == [True, True, True, False, False]
 
 
 def test_gap_restarts_the_hold_time_but_does_not_end_an_alarm() -> None:
-    monitor = LimitMonitor(80 * MICRO, 0.05, 1.0)
+    monitor = LimitMonitor(80 * MICROMETRE, 0.05, 1.0)
     assert fed(monitor, [85, 85]) == [False, False]
     assert fed(monitor, [85, 85, 85], segment=1) == [False, False, True]
     assert fed(monitor, [78], segment=2) == [True]
 
 
 def test_unknown_value_changes_nothing() -> None:
-    assert fed(LimitMonitor(80 * MICRO, 0.05, 0.0), [math.nan, 85, math.nan, 79]) == [False, True, True, True]
+    assert fed(LimitMonitor(80 * MICROMETRE, 0.05, 0.0), [math.nan, 85, math.nan, 79]) == [False, True, True, True]
 
 
 def test_alarms_contain_probe_limit_time_and_largest_value() -> None:
     first, second = alarms_of(AT_ONCE, [70, 85, 97, 90, 60])
-    assert (first.number, first.probe, first.severity, first.limit) == (1, "x", Severity.ALARM, 80 * MICRO)
+    assert (first.number, first.probe, first.severity, first.limit) == (1, "x", Severity.ALARM, 80 * MICROMETRE)
     assert (first.begin.time, first.begin.speed) == (0.5, 50.0)
     assert first.end is not None
     assert first.end.time == 2.0
-    assert first.largest == pytest.approx(97 * MICRO)
+    assert first.largest == pytest.approx(97 * MICROMETRE)
     assert (second.severity, second.begin.time, second.largest_at.time) == (Severity.DANGER, 1.0, 1.0)
     assert second.end == TimeInRun(0, 1.5, 150.0)
 
@@ -214,4 +216,4 @@ def test_alarms_with_the_smallest_excess_are_dropped_first() -> None:
 @pytest.mark.parametrize(("hysteresis", "hold"), [(1.0, 0.0), (-0.1, 0.0), (0.0, math.nan), (0.0, -1.0)])
 def test_settings_out_of_range_are_refused(hysteresis: float, hold: float) -> None:
     with pytest.raises(ValueError, match="hysteresis"):
-        LimitMonitor(80 * MICRO, hysteresis, hold)
+        LimitMonitor(80 * MICROMETRE, hysteresis, hold)

@@ -14,13 +14,17 @@ from analysis.live.analyser import Analyser
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Edge, Role
 from analysis.signals.snapshot import Snapshot, TachoState
+from analysis.signals.units import MICROMETRE
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
 Maker = Callable[..., "Bench"]
-MICRO = 1e-6
-THREE = ((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.47, 1.0), (3 * MICRO, 2.0, -0.7))  # circles: 1X, whirl, 2X
+THREE = (
+    (20 * MICROMETRE, 1.0, 0.4),
+    (8 * MICROMETRE, 0.47, 1.0),
+    (3 * MICROMETRE, 2.0, -0.7),
+)  # circles: 1X, whirl, 2X
 
 
 def same(a: object, b: object) -> bool:
@@ -47,12 +51,15 @@ def test_vectors_beside_whirl_are_exact_for_any_multiplexer_skew(
     bench = make_bench(rate=rate)
     frames = bench.frames(bench.steady(turn_rate), bench.circles(*THREE), 2.0)
     vectors = np.array([frame.vectors for frame in frames])
-    truth = 20 * MICRO * np.exp(0.4j) * np.array([1.0, -1.0j])
+    truth = 20 * MICROMETRE * np.exp(0.4j) * np.array([1.0, -1.0j])
     assert len(frames) >= 9
-    assert np.abs(np.abs(vectors[:, 0]) / (20 * MICRO) - 1).max() < 0.001
+    assert np.abs(np.abs(vectors[:, 0]) / (20 * MICROMETRE) - 1).max() < 0.001
     assert np.abs(np.degrees(np.angle(vectors[:, 0] / truth)).mean(axis=0)).max() < 0.02
     assert np.degrees(np.angle(vectors[:, 0] / truth)).std() < 0.05
-    assert np.abs(vectors[:, 1].mean(axis=0) - 3 * MICRO * np.exp(-0.7j) * np.array([1, -1j])).max() < 0.003 * MICRO
+    assert (
+        np.abs(vectors[:, 1].mean(axis=0) - 3 * MICROMETRE * np.exp(-0.7j) * np.array([1, -1j])).max()
+        < 0.003 * MICROMETRE
+    )
     assert frames[-1].speed == pytest.approx(2 * np.pi * turn_rate, rel=1e-6)
     assert abs(frames[-1].acceleration) < 0.01 * frames[-1].speed
 
@@ -61,30 +68,32 @@ def test_vectors_beside_whirl_are_exact_for_any_multiplexer_skew(
 def test_whirl_is_found_with_order_amplitude_and_direction(make_bench: Maker, *, backward: bool) -> None:
     bench = make_bench()
     sign = -1.0 if backward else 1.0
-    motion = bench.circles((20 * MICRO, 1.0, 0.0), (8 * MICRO, sign * 0.47, 1.0))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.0), (8 * MICROMETRE, sign * 0.47, 1.0))
     whirls = [frame.whirl for frame in bench.frames(bench.steady(200.0), motion, 1.0)]
     for whirl in whirls:
         assert whirl is not None
         assert whirl.order == pytest.approx(0.47, abs=0.001)
-        assert whirl.amplitude == pytest.approx(8 * MICRO, rel=0.005)
+        assert whirl.amplitude == pytest.approx(8 * MICROMETRE, rel=0.005)
         assert whirl.is_forward is not backward
 
 
 @pytest.mark.parametrize("angles", [(np.pi / 4, 3 * np.pi / 4), (0.2, 1.3), (np.pi / 2, 0.0)])
 def test_orbit_and_direction_do_not_depend_on_the_probe_angles(make_bench: Maker, angles: tuple[float, float]) -> None:
     bench = make_bench(angles=angles)
-    motion = bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -1.0, 0.0), (8 * MICRO, 0.47, 0.0))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (5 * MICROMETRE, -1.0, 0.0), (8 * MICROMETRE, 0.47, 0.0))
     frame = bench.frames(bench.steady(150.0), motion, 1.0)[-1]
     assert frame.whirl is not None
     assert frame.whirl.is_forward
     theta = 2 * np.pi * np.arange(4 * 64) / 64
-    synchronous = np.stack(bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -1.0, 0.0))(theta))
+    synchronous = np.stack(bench.circles((20 * MICROMETRE, 1.0, 0.4), (5 * MICROMETRE, -1.0, 0.0))(theta))
     assert frame.orbit.shape == (2, 256)
     seen = np.fft.rfft(frame.orbit)[:, 4] / 128
     truth = np.fft.rfft(synchronous)[:, 4] / 128
-    assert np.abs(seen - truth).max() < 1.0 * MICRO  # a few revolutions keep the whirl's leakage
-    pure = bench.frames(bench.steady(150.0), bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -1.0, 0.0)), 1.0)[-1]
-    assert np.abs(pure.orbit - synchronous).max() < 0.5 * MICRO  # noise
+    assert np.abs(seen - truth).max() < 1.0 * MICROMETRE  # a few revolutions keep the whirl's leakage
+    pure = bench.frames(
+        bench.steady(150.0), bench.circles((20 * MICROMETRE, 1.0, 0.4), (5 * MICROMETRE, -1.0, 0.0)), 1.0
+    )[-1]
+    assert np.abs(pure.orbit - synchronous).max() < 0.5 * MICROMETRE  # noise
 
 
 def test_channel_sequence_does_not_matter(make_bench: Maker) -> None:
@@ -99,7 +108,7 @@ def test_channel_sequence_does_not_matter(make_bench: Maker) -> None:
 
 
 def test_tacho_delay_is_subtracted(make_bench: Maker) -> None:
-    motion = ((20 * MICRO, 1.0, 0.4),)
+    motion = ((20 * MICROMETRE, 1.0, 0.4),)
     bench = make_bench(tacho={"delay": 4e-4})
     frame = bench.frames(bench.steady(100.0), bench.circles(*motion), 0.5)[-1]
     assert np.degrees(np.angle(frame.vectors[0, 0])) == pytest.approx(np.degrees(0.4), abs=0.05)
@@ -112,7 +121,7 @@ def test_tacho_delay_is_subtracted(make_bench: Maker) -> None:
 def test_amplitude_and_phase_are_accurate_in_a_ten_to_one_run_up(make_bench: Maker) -> None:
     bench = make_bench()
     frames = bench.frames(bench.ramp(20.0, 200.0, 8.0), bench.circles(*THREE), 8.0)
-    vectors = np.array([frame.vectors[0, 0] for frame in frames]) / (20 * MICRO * np.exp(0.4j))
+    vectors = np.array([frame.vectors[0, 0] for frame in frames]) / (20 * MICROMETRE * np.exp(0.4j))
     assert len(frames) > 65
     assert np.abs(np.abs(vectors) - 1).max() < 0.002
     assert np.abs(np.degrees(np.angle(vectors))).max() < 0.1
@@ -125,7 +134,7 @@ def test_tacho_jitter_causes_no_line_below_1x(make_bench: Maker) -> None:
     bench = make_bench(noise=0.03e-6)
     random = np.random.default_rng(9)
     steady = bench.steady(200.0)
-    codes = bench.codes(steady, bench.circles((20 * MICRO, 1.0, 0.0)), 1.0)
+    codes = bench.codes(steady, bench.circles((20 * MICROMETRE, 1.0, 0.0)), 1.0)
     edges = np.arange(0.7, 200.0) / 200.0
     late = edges + 2e-6 * random.standard_normal(edges.size)
     time = np.arange(codes.shape[1]) / 100_000 + 2 / 400_000
@@ -135,22 +144,22 @@ def test_tacho_jitter_causes_no_line_below_1x(make_bench: Maker) -> None:
     codes[2] = np.round(4.3 * np.clip(np.where(time < late[0], 0.0, light), 0, 1) / (10 / 32768))
     snapshots = bench.snapshots(codes)
     spectra = [np.abs(s.frame.spectrum[:, 4:13]) for s in snapshots if s.frame is not None]
-    assert np.max(spectra) < 0.004 * MICRO
+    assert np.max(spectra) < 0.004 * MICROMETRE
     assert snapshots[-2].tacho.jitter == pytest.approx(2e-6, rel=0.5)
 
 
 def test_pulse_edge_shorter_than_a_sample_causes_no_line_below_1x(make_bench: Maker) -> None:
     bench = replace(make_bench(noise=0.02e-6), tacho_rise=1e-7)
-    frames = bench.frames(bench.steady(203.7), bench.circles((20 * MICRO, 1.0, 0.4)), 1.5)
+    frames = bench.frames(bench.steady(203.7), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 1.5)
     lines = np.array([np.abs(frame.spectrum[:, 4:13]) for frame in frames])
-    assert lines.max() < 0.002 * MICRO  # edges a hundredth of a sample wide: rms 0.3 degrees each
+    assert lines.max() < 0.002 * MICROMETRE  # edges a hundredth of a sample wide: rms 0.3 degrees each
     phases = np.degrees([np.angle(frame.vectors[0, 0]) for frame in frames])
     assert phases.std() < 0.1
 
 
 def test_falling_edge_is_the_end_of_the_mark(make_bench: Maker) -> None:
     bench = make_bench(tacho={"edge": Edge.FALLING, "mark_fraction": 0.25})
-    frame = bench.frames(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.5)[-1]
+    frame = bench.frames(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 0.5)[-1]
     assert np.angle(frame.vectors[0, 0]) == pytest.approx(0.4 + np.pi / 2, abs=0.001)
 
 
@@ -159,7 +168,7 @@ def test_several_marks_per_revolution_give_the_same_result(make_bench: Maker) ->
     snapshot = bench.snapshots(bench.codes(bench.steady(50.0), bench.circles(*THREE), 0.8))[-1]
     assert snapshot.frame is not None
     assert snapshot.speed == pytest.approx(2 * np.pi * 50, rel=1e-6)
-    first = snapshot.frame.vectors[0, 0] / (20 * MICRO * np.exp(0.4j))
+    first = snapshot.frame.vectors[0, 0] / (20 * MICROMETRE * np.exp(0.4j))
     assert abs(first) == pytest.approx(1.0, abs=0.001)
     assert abs(first**4 - 1) < 0.005  # any of the four marks may be the first
 
@@ -231,39 +240,39 @@ def test_missing_and_double_pulses_do_not_affect_accuracy(make_bench: Maker) -> 
     snapshots = bench.snapshots(spoiled)
     vectors = np.array([s.frame.vectors[0, 0] for s in snapshots if s.frame is not None])
     assert len(vectors) == len(clean)
-    assert np.abs(vectors - np.array(clean)).max() < 0.001 * 20 * MICRO
+    assert np.abs(vectors - np.array(clean)).max() < 0.001 * 20 * MICROMETRE
     assert (snapshots[-1].tacho.filled, snapshots[-1].tacho.rejected) == (1, 1)
     assert snapshots[-1].tacho.state is TachoState.GOOD
 
 
 def test_gap_voltage_and_peak_to_peak_match_the_motion(make_bench: Maker) -> None:
     bench = make_bench()
-    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.5)
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 0.5)
     codes[1] -= 12_000
     snapshot = bench.snapshots(codes)[-1]
     assert snapshot.gap_volts == pytest.approx([4.5, 4.5 - 12_000 * 10 / 32768], abs=0.001)
     assert snapshot.gap_ok.tolist() == [True, False]
-    assert snapshot.peak_to_peak == pytest.approx([40 * MICRO, 40 * MICRO], rel=0.02)
+    assert snapshot.peak_to_peak == pytest.approx([40 * MICROMETRE, 40 * MICROMETRE], rel=0.02)
 
 
 def test_peak_to_peak_covers_a_slow_revolution_without_glitches(make_bench: Maker) -> None:
     bench = make_bench()
-    codes = bench.codes(bench.steady(2.0), bench.circles((20 * MICRO, 1.0, 0.0)), 6.0)
+    codes = bench.codes(bench.steady(2.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 6.0)
     codes[0, 590_005:590_010] += 3000
     snapshot = bench.snapshots(codes)[-1]
     assert snapshot.speed == pytest.approx(2 * np.pi * 2.0, rel=1e-6)
-    assert snapshot.peak_to_peak == pytest.approx([40 * MICRO, 40 * MICRO], rel=0.02)
+    assert snapshot.peak_to_peak == pytest.approx([40 * MICROMETRE, 40 * MICROMETRE], rel=0.02)
 
 
 def test_trace_contains_the_last_update_interval_about_its_mean(make_bench: Maker) -> None:
     bench = make_bench()
-    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.3)
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 0.3)
     trace = bench.snapshots(codes)[-1].trace
     assert trace.time[0] == pytest.approx(0.2)
     assert trace.time.shape == trace.tacho.shape == (1000,)
     assert trace.displacement.shape == (2, 1000)
     assert np.abs(trace.displacement.mean(axis=1)).max() < 1e-12
-    assert np.abs(trace.displacement).max() == pytest.approx(20 * MICRO, rel=0.05)
+    assert np.abs(trace.displacement).max() == pytest.approx(20 * MICROMETRE, rel=0.05)
     assert trace.tacho.max() == pytest.approx(4.3, abs=0.01)
 
 
@@ -272,28 +281,34 @@ def test_trace_contains_the_last_update_interval_about_its_mean(make_bench: Make
 )
 def test_other_settings_give_the_same_result(make_bench: Maker, revolutions: int, points: int, highest: float) -> None:
     bench = make_bench(revolutions=revolutions, points_per_revolution=points, highest_order=highest)
-    motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (3 * MICROMETRE, 2.0, -0.7))
     frame = bench.frames(bench.steady(100.0), motion, 1.2)[-1]
     assert frame.orders[-1] == highest
     assert frame.spectrum.shape == (2, int(highest * revolutions) + 1)
     assert frame.orbit.shape == (2, min(4, revolutions) * points)
-    assert np.abs(frame.vectors[:, 0] - [20 * MICRO * np.exp(0.4j), 3 * MICRO * np.exp(-0.7j)]).max() < 0.02 * MICRO
+    assert (
+        np.abs(frame.vectors[:, 0] - [20 * MICROMETRE * np.exp(0.4j), 3 * MICROMETRE * np.exp(-0.7j)]).max()
+        < 0.02 * MICROMETRE
+    )
 
 
 def test_motion_far_above_the_highest_order_does_not_alias(make_bench: Maker) -> None:
     bench = make_bench()
     motion = bench.circles(
-        (20 * MICRO, 1.0, 0.0), (5 * MICRO, 61.3, 0.0), (5 * MICRO, 127.4, 0.0), (5 * MICRO, 59.0, 0.0)
+        (20 * MICROMETRE, 1.0, 0.0),
+        (5 * MICROMETRE, 61.3, 0.0),
+        (5 * MICROMETRE, 127.4, 0.0),
+        (5 * MICROMETRE, 59.0, 0.0),
     )
     frame = bench.frames(bench.steady(100.0), motion, 1.0)[-1]
     lines = np.abs(frame.spectrum)
     lines[:, 15:18] = 0.0
-    assert lines.max() < 0.01 * MICRO
+    assert lines.max() < 0.01 * MICROMETRE
 
 
 def test_shaft_below_60_rpm_has_no_frame(make_bench: Maker) -> None:
     bench = make_bench(rate=2000.0)
-    snapshots = bench.snapshots(bench.codes(bench.steady(0.8), bench.circles((20 * MICRO, 1.0, 0.0)), 40.0), 200)
+    snapshots = bench.snapshots(bench.codes(bench.steady(0.8), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 40.0), 200)
     assert snapshots[-1].speed == pytest.approx(2 * np.pi * 0.8, rel=1e-4)
     assert all(snapshot.frame is None for snapshot in snapshots)
 

@@ -11,6 +11,7 @@ from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits, wor
 from analysis.preflight.tacho_checks import TachoSignal, speed_limit_check, tacho_checks
 from analysis.preflight.wiring import wiring_checks
 from analysis.signals.header import Acquisition, Calibration, Channel, Device, Edge, Role, Tacho
+from analysis.signals.units import RPM
 
 FloatArray = NDArray[np.float64]
 
@@ -20,7 +21,6 @@ TIME = np.arange(N) / RATE
 STEP = 10.48 / 32768  # V
 CALIBRATION = Calibration((0.0, 1e-4), 0.5, 9.5, residual=1e-6, sensor="a", conditioner="b", date="2026-11-20")
 TACHO = Tacho(threshold=2.2, hysteresis=1.0)
-RPM = 2 * math.pi / 60
 
 
 def channel(name: str, role: Role, number: int, angle: float = 0.0) -> Channel:

@@ -13,6 +13,7 @@ from analysis.resampling.angular_record import AngularRecord, angular_record, an
 from analysis.signals.errors import AnalysisError, RecordTooShortError, TachoRefusedError
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 Maker = Callable[..., "Bench"]
 Recorder = Callable[..., AngularRecord]
-MICRO = 1e-6
 TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 FAST = {"response_time": 1e-5}
 
@@ -34,12 +34,12 @@ def angle_of(turn_rate: float, duration: float) -> ShaftAngle:
 
 def test_fast_run_up_of_three_orders_is_accurate_to_the_noise(make_bench: Maker, make_record: Recorder) -> None:
     bench = make_bench()
-    motion = bench.circles((20 * MICRO, 1.0, 0.4), (5 * MICRO, -2.0, 0.3), (8 * MICRO, 0.5, 0.0))
-    record = make_record(motion, bench.ramp(100.0, 1000.0, 12.0), 12.0, noise=0.2 * MICRO, tacho=FAST)
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (5 * MICROMETRE, -2.0, 0.3), (8 * MICROMETRE, 0.5, 0.0))
+    record = make_record(motion, bench.ramp(100.0, 1000.0, 12.0), 12.0, noise=0.2 * MICROMETRE, tacho=FAST)
     assert record.speeds[0] == pytest.approx(2 * np.pi * 100, rel=0.02)
     spectrum = order_map(record).spectrum[0]
     for order, amplitude, bar in ((1.0, 20, 0.05), (2.0, 5, 0.20), (0.5, 8, 0.12)):
-        error = np.abs(spectrum[:, round(16 * order)]) / (amplitude * MICRO) - 1
+        error = np.abs(spectrum[:, round(16 * order)]) / (amplitude * MICROMETRE) - 1
         assert 100 * np.sqrt(np.mean(error**2)) < bar
     phase = np.degrees(np.angle(spectrum[:, 16] * np.exp(-0.4j)))
     assert abs(phase.mean()) < 0.02
@@ -48,7 +48,7 @@ def test_fast_run_up_of_three_orders_is_accurate_to_the_noise(make_bench: Maker,
 
 def test_clean_run_up_has_no_lines_between_the_orders(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
-    ramp, motion = bench.ramp(100.0, 1000.0, 6.0), bench.circles((20 * MICRO, 1.0, 0.4))
+    ramp, motion = bench.ramp(100.0, 1000.0, 6.0), bench.circles((20 * MICROMETRE, 1.0, 0.4))
     edges = tacho_edges(bench.acquisition, bench.codes(ramp, motion, 6.0))
     displacement = np.stack(motion(ramp(np.arange(600_000) / 1e5)))  # without the converter's steps
     record = angular_record(displacement, 1e5, shaft_angle(pulse_record(edges, TACHO)), ProbePair(0.0, np.pi / 2))
@@ -60,7 +60,7 @@ def test_phase_at_1000_revolutions_per_second_has_no_scatter_and_no_drift(
 ) -> None:
     bench = make_bench()
     record = make_record(
-        bench.circles((20 * MICRO, 1.0, 0.4)), bench.steady(1000.0), 6.0, noise=0.2 * MICRO, tacho=FAST
+        bench.circles((20 * MICROMETRE, 1.0, 0.4)), bench.steady(1000.0), 6.0, noise=0.2 * MICROMETRE, tacho=FAST
     )
     phase = np.degrees(np.angle(track_order(record, 1.0).vectors[0] * np.exp(-0.4j)))
     assert abs(phase.mean()) < 0.1
@@ -70,8 +70,8 @@ def test_phase_at_1000_revolutions_per_second_has_no_scatter_and_no_drift(
 
 
 def test_missing_and_double_pulses_do_not_affect_the_vectors(make_bench: Maker) -> None:
-    bench = make_bench(noise=0.2 * MICRO, tacho=FAST)
-    codes = bench.codes(bench.ramp(100.0, 300.0, 8.0), bench.circles((20 * MICRO, 1.0, 0.4)), 8.0)
+    bench = make_bench(noise=0.2 * MICROMETRE, tacho=FAST)
+    codes = bench.codes(bench.ramp(100.0, 300.0, 8.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 8.0)
     edges = tacho_edges(bench.acquisition, codes)
     random = np.random.default_rng(2)
     remaining = edges[random.random(edges.size) >= 0.02]
@@ -81,13 +81,13 @@ def test_missing_and_double_pulses_do_not_affect_the_vectors(make_bench: Maker) 
     for pulses in (edges, np.sort(np.concatenate([remaining, doubles]))):
         record = angular_record_from_codes(bench.acquisition, codes, pulse_times=pulses)
         amplitudes = np.abs(track_order(record, 1.0).vectors)
-        errors.append(float(np.sqrt(np.mean((amplitudes / (20 * MICRO) - 1) ** 2))))
+        errors.append(float(np.sqrt(np.mean((amplitudes / (20 * MICROMETRE) - 1) ** 2))))
     assert errors[1] < 1.2 * errors[0]
 
 
 def test_counter_timestamps_give_the_same_result_as_the_waveform(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
-    codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4)), 1.0)
+    codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 1.0)
     stamped = np.asarray((np.arange(1, 200) - 0.3) / 200.0, dtype=np.float64)  # the bench starts at 0.3 of a turn
     record = angular_record_from_codes(bench.acquisition, codes, pulse_times=stamped)
     vectors = track_order(record, 1.0).vectors[0]
@@ -108,7 +108,7 @@ def test_motion_above_the_grid_does_not_alias(turn_rate: float, frequency: float
 @pytest.mark.parametrize("rise", [30e-6, 1e-7])  # of the tacho's edge: its marks scatter by 1 ns and by 3 us
 def test_live_frames_and_record_agree_within_their_uncertainty(make_bench: Maker, rise: float) -> None:
     bench = replace(make_bench(tacho=FAST), tacho_rise=rise)
-    motion = bench.circles((20 * MICRO, 1.0, 0.4), (8 * MICRO, 0.47, 1.0), (3 * MICRO, 2.0, 0.0))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (8 * MICROMETRE, 0.47, 1.0), (3 * MICROMETRE, 2.0, 0.0))
     codes = bench.codes(bench.ramp(60.0, 400.0, 5.0), motion, 5.0)
     record = angular_record_from_codes(bench.acquisition, codes)
     tracks = [track_order(record, order, overlap=15 / 16) for order in (1.0, 2.0)]  # a frame begins at every mark
@@ -148,7 +148,7 @@ def test_resampling_is_linear_and_shifts_with_time(scale: float, other: float, d
 
 def test_invalid_records_are_refused_with_the_reason(make_bench: Maker) -> None:
     bench = make_bench(tacho=FAST)
-    codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
+    codes = bench.codes(bench.steady(200.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 0.3)
     silent = codes.copy()
     silent[2] = 0
     with pytest.raises(TachoRefusedError, match="0 tacho pulses"):
@@ -171,7 +171,7 @@ def test_invalid_records_are_refused_with_the_reason(make_bench: Maker) -> None:
 
 def test_record_reports_repaired_pulses_and_clipped_samples(make_bench: Maker) -> None:
     bench = make_bench()  # its tacho needs 1 ms of light and of dark
-    codes = bench.codes(bench.steady(700.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.3)
+    codes = bench.codes(bench.steady(700.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 0.3)
     codes[0, 100:107] = 32767
     record = angular_record_from_codes(bench.acquisition, codes)
     assert record.clipped == (7, 0)

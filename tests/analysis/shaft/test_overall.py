@@ -11,20 +11,20 @@ from hypothesis import strategies as st
 from analysis.resampling.angular_record import probe_displacement
 from analysis.shaft.overall import overall, trimmed_extremes
 from analysis.signals.errors import RecordTooShortError
+from analysis.signals.units import MICROMETRE
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
-MICRO = 1e-6
 RATE = 100_000.0
 TIME = np.arange(100_000) / RATE
 
 
 def test_peak_to_peak_is_that_of_the_waveform_and_not_of_its_largest_line() -> None:
     one, whirl = np.cos(2 * np.pi * 200.0 * TIME), np.cos(2 * np.pi * 94.0 * TIME + 1.0)
-    found = overall(np.stack([20 * one + 8 * whirl, 20 * one]) * MICRO, RATE, 100 * MICRO)
-    np.testing.assert_allclose(found.peak_to_peak[0], 56 * MICRO, rtol=0.02)
-    np.testing.assert_allclose(found.peak_to_peak[1], 40 * MICRO, rtol=1e-3)
+    found = overall(np.stack([20 * one + 8 * whirl, 20 * one]) * MICROMETRE, RATE, 100 * MICROMETRE)
+    np.testing.assert_allclose(found.peak_to_peak[0], 56 * MICROMETRE, rtol=0.02)
+    np.testing.assert_allclose(found.peak_to_peak[1], 40 * MICROMETRE, rtol=1e-3)
     np.testing.assert_allclose(found.clearance_fraction[1], 0.2, rtol=1e-3)
     np.testing.assert_allclose(found.times, 0.05 + 0.1 * np.arange(10))
 
@@ -43,10 +43,10 @@ def test_excluding_glitch_samples_has_the_stated_bias() -> None:
 def test_whole_record_gives_the_live_peak_to_peak(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(
-        bench.ramp(50.0, 150.0, 2.0), bench.circles((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.47, 0.0)), 2.0
+        bench.ramp(50.0, 150.0, 2.0), bench.circles((20 * MICROMETRE, 1.0, 0.0), (5 * MICROMETRE, 0.47, 0.0)), 2.0
     )
     live = [snapshot.peak_to_peak for snapshot in bench.snapshots(codes)]
-    found = overall(probe_displacement(bench.acquisition, codes), bench.acquisition.rate, 100 * MICRO)
+    found = overall(probe_displacement(bench.acquisition, codes), bench.acquisition.rate, 100 * MICROMETRE)
     np.testing.assert_array_equal(found.peak_to_peak.T, live)
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.signals.ramp import RPM, RampDirection, RampStep, RampTracker
+from analysis.signals.ramp import RampDirection, RampStep, RampTracker
+from analysis.signals.units import RPM
 
 
 def steps(*speeds_rpm: float) -> list[RampStep]:

@@ -7,13 +7,13 @@ from analysis.resampling.angular_record import angular_record
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
 from analysis.signals.uncertainty import noise_floor_sigma, order_sigma, phase_sigma
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import shaft_angle
 from analysis.vectors.order_track import track_order
 from analysis.whirl.tracks import subsynchronous_tracks
 
-MICRO = 1e-6
 RATE, TURN_RATE, SAMPLES = 20_000.0, 200.0, 4_400
 TACHO = Tacho(threshold=2.0, hysteresis=1.0, response_time=1e-5)
 
@@ -23,9 +23,10 @@ def run(seed: int, whirl_order: float) -> list[float]:
     random = np.random.default_rng(seed)
     start, phase = random.uniform(), random.uniform(0.0, 2 * np.pi)
     turns = TURN_RATE * np.arange(SAMPLES) / RATE + start
-    z = 20 * MICRO * np.exp(1j * (2 * np.pi * turns + phase)) + 4 * MICRO * np.exp(2j * np.pi * whirl_order * turns)
-    z += 5 * MICRO * np.exp(-2j * (2 * np.pi * turns + phase))
-    displacement = np.stack([z.real, z.imag]) + 0.5 * MICRO * random.standard_normal((2, SAMPLES))
+    z = 20 * MICROMETRE * np.exp(1j * (2 * np.pi * turns + phase))
+    z += 4 * MICROMETRE * np.exp(2j * np.pi * whirl_order * turns)
+    z += 5 * MICROMETRE * np.exp(-2j * (2 * np.pi * turns + phase))
+    displacement = np.stack([z.real, z.imag]) + 0.5 * MICROMETRE * random.standard_normal((2, SAMPLES))
     marks = (np.arange(1, 43) - start) / TURN_RATE + 2e-6 * random.standard_normal(42)
     angle = shaft_angle(pulse_record(marks, TACHO))
     record = angular_record(displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
@@ -33,13 +34,13 @@ def run(seed: int, whirl_order: float) -> list[float]:
     whirl = subsynchronous_tracks(frames)[0]
     first, second = track_order(record, 1.0), track_order(record, 2.0)
     return [
-        (abs(first.vectors[0, 0]) - 20 * MICRO) / first.sigma[0, 0],
+        (abs(first.vectors[0, 0]) - 20 * MICROMETRE) / first.sigma[0, 0],
         np.angle(first.vectors[0, 0] * np.exp(-1j * phase)) / first.phase_sigma[0, 0],
-        (abs(second.vectors[0, 0]) - 5 * MICRO) / second.sigma[0, 0],
+        (abs(second.vectors[0, 0]) - 5 * MICROMETRE) / second.sigma[0, 0],
         np.angle(second.vectors[0, 0] * np.exp(-2j * phase)) / second.phase_sigma[0, 0],
         (frames.speeds[0] - 2 * np.pi * TURN_RATE) / frames.speed_sigma[0],
         (whirl.orders[0] - whirl_order) / whirl.order_sigma[0],
-        (whirl.forward[0] - 4 * MICRO) / whirl.sigma[0],
+        (whirl.forward[0] - 4 * MICROMETRE) / whirl.sigma[0],
     ]
 
 

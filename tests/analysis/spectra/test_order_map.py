@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import Scaling, Window, order_map
 from analysis.vectors.order_track import track_order
 
 Maker = Callable[..., AngularRecord]
-MICRO = 1e-6
 SHARED = [HealthCheck.function_scoped_fixture]
 
 
@@ -82,8 +82,8 @@ def test_non_integer_order_is_tracked_with_continuous_phase(make_angular: Maker,
 
 
 def test_1x_beside_a_whirl_is_accurate_within_two_per_mille(make_angular: Maker) -> None:
-    track = track_order(make_angular((20 * MICRO, 1.0, 0.0), (8 * MICRO, 0.47, 0.0), turn_rate=1000.0), 1.0)
-    assert np.abs(np.abs(track.vectors) / (20 * MICRO) - 1.0).max() < 0.002
+    track = track_order(make_angular((20 * MICROMETRE, 1.0, 0.0), (8 * MICROMETRE, 0.47, 0.0), turn_rate=1000.0), 1.0)
+    assert np.abs(np.abs(track.vectors) / (20 * MICROMETRE) - 1.0).max() < 0.002
 
 
 @pytest.mark.parametrize("order", [0.3, 0.5, 1.0, 1.31])

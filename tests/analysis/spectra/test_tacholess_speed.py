@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.resampling.angular_record import angular_record, angular_record_from_codes
 from analysis.signals.errors import RecordTooShortError, TachoRefusedError
 from analysis.signals.probes import ProbePair
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_map
 from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
 from analysis.vectors.order_track import track_order
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
 FloatArray = NDArray[np.float64]
-MICRO = 1e-6
 RATE, DURATION = 2_000.0, 8.0
 TIME = np.arange(int(RATE * DURATION)) / RATE
 TURN_RATE = 100.0 + 10.0 * TIME
@@ -28,8 +28,8 @@ LOWEST, HIGHEST = 2 * np.pi * 80.0, 2 * np.pi * 250.0
 
 
 def motion(noise: float = 0.5, one: float = 20.0) -> FloatArray:
-    z = one * MICRO * np.exp(2j * np.pi * TURNS) + 5 * MICRO * np.exp(2j * np.pi * 0.47 * TURNS)
-    noises = noise * MICRO * np.random.default_rng(0).standard_normal((2, TIME.size))
+    z = one * MICROMETRE * np.exp(2j * np.pi * TURNS) + 5 * MICROMETRE * np.exp(2j * np.pi * 0.47 * TURNS)
+    noises = noise * MICROMETRE * np.random.default_rng(0).standard_normal((2, TIME.size))
     return np.asarray(np.stack([z.real, z.imag]) + noises)
 
 
@@ -47,13 +47,13 @@ def test_orders_from_the_ridge_are_marked_as_not_measured() -> None:
     record = angular_record(motion(), RATE, angle, ProbePair(0.0, np.pi / 2), points=16)
     amplitudes = np.abs(order_map(record, highest_order=3.0).spectrum[0, :, 16])
     assert not record.is_measured
-    assert np.median(amplitudes) == pytest.approx(20 * MICRO, rel=0.02)
+    assert np.median(amplitudes) == pytest.approx(20 * MICROMETRE, rel=0.02)
 
 
 def test_run_without_tacho_has_amplitudes_but_no_phases(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
     codes = bench.codes(
-        bench.ramp(90.0, 150.0, 5.0), bench.circles((20 * MICRO, 1.0, 0.4), (6 * MICRO, 0.47, 0.0)), 5.0
+        bench.ramp(90.0, 150.0, 5.0), bench.circles((20 * MICROMETRE, 1.0, 0.4), (6 * MICROMETRE, 0.47, 0.0)), 5.0
     )
     codes[2] = 0
     with pytest.raises(TachoRefusedError, match="0 tacho pulses"):
@@ -64,7 +64,7 @@ def test_run_without_tacho_has_amplitudes_but_no_phases(make_bench: Callable[...
     truth = 2 * np.pi * (90.0 + 12.0 * ridge.times)
     assert np.abs(ridge.speeds / truth - 1.0).max() < 0.003
     track = track_order(record, 1.0)
-    assert np.median(np.abs(track.vectors)) == pytest.approx(20 * MICRO, rel=0.02)
+    assert np.median(np.abs(track.vectors)) == pytest.approx(20 * MICROMETRE, rel=0.02)
     np.testing.assert_allclose(track.phase_sigma, np.pi / np.sqrt(3.0))  # that of an unknown phase
     assert np.isnan(track.speed_sigma).all()  # the uncertainty is in the ridge
     whirl = subsynchronous_tracks(order_map(record))[0]

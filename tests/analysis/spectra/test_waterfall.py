@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.waterfall import Cascade, CascadeMode, Waterfall, order_axis
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
-MICRO = 1e-6
-
 
 @pytest.fixture
 def snapshot(make_bench: Callable[..., "Bench"]) -> Snapshot:
     bench = make_bench()
-    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.4)), 0.4)
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 0.4)
     return bench.snapshots(codes)[-1]
 
 
@@ -38,7 +37,7 @@ def test_waterfall_scrolls_with_the_newest_row_last(make_bench: Callable[..., "B
     waterfall = Waterfall(make_bench().settings, rows=5, span=1.0)
     for number in range(1, 11):
         waterfall.add_snapshot(at(snapshot, 0.1 * number + 0.01, factor=number))
-    peaks = waterfall.amplitudes[:, 16] / (20 * MICRO)
+    peaks = waterfall.amplitudes[:, 16] / (20 * MICROMETRE)
     np.testing.assert_allclose(peaks, [3, 5, 7, 9, 10], rtol=0.01)
     np.testing.assert_allclose(waterfall.times, [0.2, 0.4, 0.6, 0.8, 1.0], atol=1e-12)
     assert waterfall.amplitudes.shape == (5, waterfall.orders.size)
@@ -66,8 +65,8 @@ def test_cascade_contains_the_largest_or_the_last_frame(make_bench: Callable[...
         cascade.add_snapshot(replace(snapshot, frame=None))
         assert np.flatnonzero(cascade.filled).tolist() == [2, 9]
         assert cascade.speeds[2] == 250.0
-    assert largest.amplitudes[[2, 9], 16] / (20 * MICRO) == pytest.approx([3, 2], rel=0.01)
-    assert last.amplitudes[[2, 9], 16] / (20 * MICRO) == pytest.approx([1, 2], rel=0.01)
+    assert largest.amplitudes[[2, 9], 16] / (20 * MICROMETRE) == pytest.approx([3, 2], rel=0.01)
+    assert last.amplitudes[[2, 9], 16] / (20 * MICROMETRE) == pytest.approx([1, 2], rel=0.01)
 
 
 def test_zero_rows_and_ranges_are_refused(make_bench: Callable[..., "Bench"]) -> None:

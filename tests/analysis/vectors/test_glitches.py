@@ -5,12 +5,12 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.header import Tacho
+from analysis.signals.units import MICROMETRE
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 from analysis.vectors.glitches import find_glitches
 
 FloatArray = NDArray[np.float64]
-MICRO = 1e-6
 RATE, SAMPLES = 20_000.0, 20_000
 
 
@@ -22,9 +22,9 @@ def angle() -> ShaftAngle:
 def motion() -> FloatArray:
     """Return 1X with a scratch on the shaft, a whirl and noise."""
     turns = 100.0 * np.arange(SAMPLES) / RATE
-    z = 20 * MICRO * np.exp(2j * np.pi * turns) + 4 * MICRO * np.exp(2j * np.pi * 0.47 * turns)
-    scratch = -15 * MICRO * (np.abs(turns % 1.0 - 0.3) < 0.006)
-    noise = 0.1 * MICRO * np.random.default_rng(0).standard_normal((2, SAMPLES))
+    z = 20 * MICROMETRE * np.exp(2j * np.pi * turns) + 4 * MICROMETRE * np.exp(2j * np.pi * 0.47 * turns)
+    scratch = -15 * MICROMETRE * (np.abs(turns % 1.0 - 0.3) < 0.006)
+    noise = 0.1 * MICROMETRE * np.random.default_rng(0).standard_normal((2, SAMPLES))
     return np.asarray(np.stack([z.real, z.imag]) + scratch + noise)
 
 
@@ -40,19 +40,19 @@ def test_short_glitches_are_counted_and_repaired() -> None:
     places = np.array([2_050, 5_555, 9_001, 14_003])
     before = find_glitches(clean, RATE, angle())
     for width, place in zip((1, 2, 3, 1), places, strict=True):
-        spoiled[0, place : place + width] += 120 * MICRO
+        spoiled[0, place : place + width] += 120 * MICROMETRE
     found = find_glitches(spoiled, RATE, angle())
     assert found.count[0] == before.count[0] + 4
     assert found.count[1] == before.count[1]
     assert found.repaired[0, places].all()
-    assert np.abs(found.displacement[0] - clean[0])[places].max() < 6 * MICRO
+    assert np.abs(found.displacement[0] - clean[0])[places].max() < 6 * MICROMETRE
     untouched = ~found.repaired
     np.testing.assert_array_equal(found.displacement[untouched], spoiled[untouched])
 
 
 def test_long_glitches_are_counted_and_not_repaired() -> None:
     spoiled = motion()
-    spoiled[1, 7_000:7_010] += 150 * MICRO
+    spoiled[1, 7_000:7_010] += 150 * MICROMETRE
     found = find_glitches(spoiled, RATE, angle())
     assert found.unrepaired[1] >= 1
     np.testing.assert_array_equal(found.displacement[1, 7_000:7_010], spoiled[1, 7_000:7_010])

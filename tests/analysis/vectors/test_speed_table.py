@@ -9,17 +9,16 @@ import pytest
 
 from analysis.signals.header import RunOutSettings
 from analysis.signals.ramp import RampDirection
+from analysis.signals.units import MICROMETRE
 from analysis.vectors.speed_table import BIN_WIDTH, SpeedTable
 
 if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
-MICRO = 1e-6
-
 
 def test_rows_contain_the_complex_mean_by_speed(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
-    motion = bench.circles((20 * MICRO, 1.0, 0.4), (3 * MICRO, 2.0, -0.7), (6 * MICRO, 0.4, 0.0))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (3 * MICROMETRE, 2.0, -0.7), (6 * MICROMETRE, 0.4, 0.0))
     table = SpeedTable()
     for snapshot in bench.snapshots(bench.codes(bench.ramp(40.0, 80.0, 4.0), motion, 4.0)):
         table.add_snapshot(snapshot)
@@ -27,19 +26,19 @@ def test_rows_contain_the_complex_mean_by_speed(make_bench: Callable[..., "Bench
     assert 8 <= len(rows) <= 13
     assert np.all(np.diff([row.speed for row in rows]) > 0)
     for row in rows:
-        assert abs(row.vectors[0, 0] - 20 * MICRO * np.exp(0.4j)) < 0.03 * MICRO
-        assert abs(row.vectors[1, 1] + 3j * MICRO * np.exp(-0.7j)) < 0.03 * MICRO
-        assert row.scatter.max() < 0.05 * MICRO
+        assert abs(row.vectors[0, 0] - 20 * MICROMETRE * np.exp(0.4j)) < 0.03 * MICROMETRE
+        assert abs(row.vectors[1, 1] + 3j * MICROMETRE * np.exp(-0.7j)) < 0.03 * MICROMETRE
+        assert row.scatter.max() < 0.05 * MICROMETRE
         assert row.whirl_order == pytest.approx(0.4, abs=0.003)
-        assert row.whirl_amplitude == pytest.approx(6 * MICRO, rel=0.01)
+        assert row.whirl_amplitude == pytest.approx(6 * MICROMETRE, rel=0.01)
         assert np.all(row.peak_to_peak <= row.largest_peak_to_peak)
-        assert 40 * MICRO < row.peak_to_peak[0] < 60 * MICRO
-        assert 0 < row.noise < 0.02 * MICRO
+        assert 40 * MICROMETRE < row.peak_to_peak[0] < 60 * MICROMETRE
+        assert 0 < row.noise < 0.02 * MICROMETRE
 
 
 def test_scatter_is_the_standard_deviation_of_the_vectors(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
-    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 0.4)
     snapshot = bench.snapshots(codes)[-1]
     assert snapshot.frame is not None
     table = SpeedTable()
@@ -54,7 +53,7 @@ def test_scatter_is_the_standard_deviation_of_the_vectors(make_bench: Callable[.
 
 def test_snapshots_without_speed_or_frame_add_no_row(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench()
-    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 0.4)
+    codes = bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 0.4)
     table = SpeedTable(BIN_WIDTH)
     for snapshot in bench.snapshots(codes):
         table.add_snapshot(replace(snapshot, frame=None))
@@ -66,7 +65,7 @@ def test_snapshots_without_speed_or_frame_add_no_row(make_bench: Callable[..., "
 
 def test_run_up_and_run_down_are_separated_exactly(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
-    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4))
     snapshots = [*bench.snapshots(bench.codes(bench.ramp(60.0, 120.0, 3.0), motion, 3.0))]
     snapshots += bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
     frames = [snapshot.frame for snapshot in snapshots if snapshot.frame is not None]
@@ -84,7 +83,7 @@ def test_run_up_and_run_down_are_separated_exactly(make_bench: Callable[..., "Be
 
 def test_reading_rows_during_a_run_does_not_change_the_result(make_bench: Callable[..., "Bench"]) -> None:
     bench = make_bench(rate=20_000.0)
-    motion = bench.circles((20 * MICRO, 1.0, 0.4))
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4))
     snapshots = bench.snapshots(bench.codes(bench.ramp(120.0, 60.0, 3.0), motion, 3.0))
     read, unread = SpeedTable(), SpeedTable()
     for snapshot in snapshots:
@@ -98,13 +97,13 @@ def test_reading_rows_during_a_run_does_not_change_the_result(make_bench: Callab
 
 
 def test_rows_contain_the_mean_of_the_compensated_vectors(make_bench: Callable[..., "Bench"]) -> None:
-    runout = RunOutSettings(vectors=((1, 2 * MICRO + 0j, 1j * MICRO),))
+    runout = RunOutSettings(vectors=((1, 2 * MICROMETRE + 0j, 1j * MICROMETRE),))
     bench = make_bench(rate=20_000.0, runout=runout)
     table = SpeedTable()
-    for snapshot in bench.snapshots(bench.codes(bench.steady(100.0), bench.circles((20 * MICRO, 1.0, 0.0)), 1.0)):
+    for snapshot in bench.snapshots(bench.codes(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.0)), 1.0)):
         table.add_snapshot(snapshot)
     (row,) = table.rows()
-    np.testing.assert_allclose(row.vectors[0] - row.compensated[0], [2 * MICRO, 1j * MICRO], rtol=1e-9)
+    np.testing.assert_allclose(row.vectors[0] - row.compensated[0], [2 * MICROMETRE, 1j * MICROMETRE], rtol=1e-9)
     assert np.isnan(row.compensated[1]).all()
     np.testing.assert_array_equal(row.motion[0], row.compensated[0])
     np.testing.assert_array_equal(row.motion[1], row.vectors[1])

@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import Window, order_map
 from analysis.whirl.tracks import Behaviour, SubsynchronousTrack, subsynchronous_tracks
 
 Maker = Callable[..., AngularRecord]
 FloatArray = NDArray[np.float64]
-MICRO = 1e-6
 POINTS = 64
 
 
@@ -25,9 +25,9 @@ def run_up(make_angular: Maker, frequency: Callable[[FloatArray], FloatArray], o
     time = np.concatenate([[0.0], np.cumsum(1.0 / (0.5 * (speed[1:] + speed[:-1]) * POINTS))])
     wave = frequency(speed)
     phase = np.concatenate([[0.0], np.cumsum(0.5 * (wave[1:] + wave[:-1]) * np.diff(time))])
-    z = 20 * MICRO * np.exp(2j * np.pi * turns) + 8 * MICRO * (speed >= onset) * np.exp(2j * np.pi * phase)
+    z = 20 * MICROMETRE * np.exp(2j * np.pi * turns) + 8 * MICROMETRE * (speed >= onset) * np.exp(2j * np.pi * phase)
     motion = np.stack([z.real, z.imag])[:, :-1].reshape(2, revolutions, POINTS)
-    motion += 0.1 * MICRO * np.random.default_rng(0).standard_normal(motion.shape)
+    motion += 0.1 * MICROMETRE * np.random.default_rng(0).standard_normal(motion.shape)
     return AngularRecord(motion, 0, time[::POINTS], make_angular().pair, 0.0, np.zeros(revolutions + 1))
 
 
@@ -42,7 +42,7 @@ def test_whirl_has_a_constant_order(make_angular: Maker) -> None:
     assert track.order == pytest.approx(0.47, abs=0.001)
     assert track.onset_speed / (2 * np.pi) == pytest.approx(250.0, abs=4.0)
     assert track.end_speed / (2 * np.pi) == pytest.approx(500.0, abs=4.0)
-    assert np.median(track.amplitudes) == pytest.approx(8 * MICRO, rel=0.01)
+    assert np.median(track.amplitudes) == pytest.approx(8 * MICROMETRE, rel=0.01)
     assert track.is_forward
 
 
@@ -60,28 +60,30 @@ def test_whirl_to_whip_has_a_lock_speed(make_angular: Maker) -> None:
 
 def test_all_components_at_constant_speed_are_found(make_angular: Maker) -> None:
     record = make_angular(
-        (20 * MICRO, 1.0, 0.0),
-        (8 * MICRO, 0.47, 0.0),
-        (3 * MICRO, -0.21, 0.0),
-        (1.5 * MICRO, 0.75, 0.0),
+        (20 * MICROMETRE, 1.0, 0.0),
+        (8 * MICROMETRE, 0.47, 0.0),
+        (3 * MICROMETRE, -0.21, 0.0),
+        (1.5 * MICROMETRE, 0.75, 0.0),
         revolutions=200,
-        noise=0.1 * MICRO,
+        noise=0.1 * MICROMETRE,
     )
     tracks = sorted(subsynchronous_tracks(order_map(record)), key=lambda track: track.order)
     assert [track.order for track in tracks] == pytest.approx([0.21, 0.47, 0.75], abs=0.003)
-    assert [track.amplitudes.mean() / MICRO for track in tracks] == pytest.approx([3.0, 8.0, 1.5], rel=0.05)
+    assert [track.amplitudes.mean() / MICROMETRE for track in tracks] == pytest.approx([3.0, 8.0, 1.5], rel=0.05)
     assert [track.is_forward for track in tracks] == [False, True, True]
     assert {track.behaviour for track in tracks} == {Behaviour.UNKNOWN}
 
 
 def test_1x_and_noise_give_no_component(make_angular: Maker) -> None:
-    record = make_angular((20 * MICRO, 1.0, 0.0), (5 * MICRO, 2.0, 0.0), revolutions=2000, noise=0.3 * MICRO)
+    record = make_angular(
+        (20 * MICROMETRE, 1.0, 0.0), (5 * MICROMETRE, 2.0, 0.0), revolutions=2000, noise=0.3 * MICROMETRE
+    )
     assert subsynchronous_tracks(order_map(record)) == ()
 
 
 def test_successive_components_are_separate_tracks(make_angular: Maker) -> None:
-    one = make_angular((20 * MICRO, 1.0, 0.0), (5 * MICRO, 0.4, 0.0), revolutions=160, noise=0.1 * MICRO)
-    quiet = make_angular((20 * MICRO, 1.0, 0.0), revolutions=160, noise=0.1 * MICRO)
+    one = make_angular((20 * MICROMETRE, 1.0, 0.0), (5 * MICROMETRE, 0.4, 0.0), revolutions=160, noise=0.1 * MICROMETRE)
+    quiet = make_angular((20 * MICROMETRE, 1.0, 0.0), revolutions=160, noise=0.1 * MICROMETRE)
     waveform = np.concatenate([one.waveform, quiet.waveform, one.waveform], axis=1)
     record = AngularRecord(waveform, 0, np.arange(481) / 100.0, one.pair, 0.0, np.zeros(481))
     tracks = subsynchronous_tracks(order_map(record))
@@ -90,7 +92,7 @@ def test_successive_components_are_separate_tracks(make_angular: Maker) -> None:
 
 
 def test_unsuitable_windows_and_frames_are_refused(make_angular: Maker) -> None:
-    record = make_angular((20 * MICRO, 1.0, 0.0))
+    record = make_angular((20 * MICROMETRE, 1.0, 0.0))
     with pytest.raises(ValueError, match="order_map"):
         subsynchronous_tracks(order_map(record, window=Window.FLAT_TOP))
     with pytest.raises(ValueError, match="order_map"):
