@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     handler = _StopSignalHandler()
     before = {number: signal.signal(number, handler) for number in stop_signals()}
     try:
-        from daq.cli.commands import run  # noqa: PLC0415 - takes a second, during which Ctrl-C works already
+        from daq.cli.commands import run  # noqa: PLC0415 - Ctrl-C works already during the import
 
         handler.is_interrupting = True
         return EXIT_INTERRUPTED if handler.is_stop_received else run(arguments)
