@@ -13,16 +13,16 @@ from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, sele
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
+from analysis.signals.units import MICROMETRE, RPM
 from recordings.catalogue.annotations import Annotations
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.search import RPM, Search, search_condition
+from recordings.catalogue.search import Search, search_condition
 from recordings.catalogue.tables import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG
 from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, header_to_json
 from recordings.mcap.markers import Marker
 
-MICRO = 1e-6
 PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
 """Header keys that differ from run to run; the rest is stored once for all runs that share it."""
 
@@ -74,7 +74,7 @@ class SummarisedRun:
             "is_summarised": True,
             "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
             "highest_speed_rpm": _finite(summary.highest_speed / RPM),
-            "largest_peak_to_peak_um": _finite(summary.largest_peak_to_peak / MICRO),
+            "largest_peak_to_peak_um": _finite(summary.largest_peak_to_peak / MICROMETRE),
             "severity": summary.severity.value,
         }
 
@@ -87,7 +87,7 @@ class SummarisedRun:
                 "is_forward": whirl.is_forward,
                 "onset_rpm": whirl.begin.speed / RPM,
                 "end_rpm": whirl.end.speed / RPM,
-                "largest_peak_um": whirl.amplitude / MICRO,
+                "largest_peak_um": whirl.amplitude / MICROMETRE,
             }
             for number, whirl in enumerate(self.summary.whirls)
             if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)

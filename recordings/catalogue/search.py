@@ -1,13 +1,11 @@
 """Search criteria for runs, and their SQL condition."""
 
-import math
 from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, and_, exists, or_
 
+from analysis.signals.units import RPM
 from recordings.catalogue.tables import FINDING, MARKER, RUN, TAG
-
-RPM = 2 * math.pi / 60
 
 
 @dataclass(frozen=True, slots=True)

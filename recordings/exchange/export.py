@@ -1,6 +1,5 @@
 """Tables of a run, or part of it, for export: samples, recorded results and counter pulses, in display units."""
 
-import cmath
 import json
 import math
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ import numpy as np
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Channel
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
 from recordings.mcap.header import calibration_to_json
@@ -17,8 +17,6 @@ from recordings.mcap.layout import sample_time_ns
 from recordings.mcap.reader import RunReader
 from recordings.progress import Progress, ignore_progress
 
-MICRO = 1e-6
-RPM = 2 * math.pi / 60
 CHUNK_SAMPLES = 2_000_000  # per channel, read at a time
 MAX_SAMPLES = 50_000_000
 """Samples per channel in one table, which is held in memory."""
@@ -183,7 +181,7 @@ def _segment_end(reader: RunReader, segment: int | None) -> SegmentEnd:
 def _column(channel: Channel, codes: np.ndarray[tuple[int], np.dtype[np.int16]]) -> Column:
     if channel.calibration is None:
         return Column(f"{channel.name}_v", "V", channel.volts(codes))
-    return Column(f"{channel.name}_um", "µm", channel.displacement(codes) / MICRO)
+    return Column(f"{channel.name}_um", "µm", channel.displacement(codes) / MICROMETRE)
 
 
 def _properties(reader: RunReader) -> dict[str, str]:
@@ -200,21 +198,21 @@ def _row(snapshot: Snapshot) -> Iterator[float]:
     """Yield the values of a snapshot in the order of `RESULT_UNITS`."""
     yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
     yield from snapshot.gap_volts
-    yield from snapshot.peak_to_peak / MICRO
+    yield from snapshot.peak_to_peak / MICROMETRE
     frame = snapshot.frame
     if frame is None:
         yield from [math.nan] * 20
         return
     for vector in frame.vectors.ravel().tolist():
         yield from _polar(vector)
-    whirls = [(whirl.order, whirl.amplitude / MICRO, whirl.sigma / MICRO) for whirl in frame.whirls[:2]]
+    whirls = [(whirl.order, whirl.amplitude / MICROMETRE, whirl.sigma / MICROMETRE) for whirl in frame.whirls[:2]]
     (order, amplitude, sigma), second = [*whirls, *[(math.nan,) * 3] * 2][:2]
-    yield from (order, amplitude, frame.noise / MICRO)
+    yield from (order, amplitude, frame.noise / MICROMETRE)
     for vector in [complex(math.nan)] * 2 if frame.compensated is None else frame.compensated[0].tolist():
         yield from _polar(vector)
-    yield from (*(frame.sigma / MICRO).tolist(), sigma, *second[:2])
+    yield from (*(frame.sigma / MICROMETRE).tolist(), sigma, *second[:2])
 
 
 def _polar(vector: complex) -> tuple[float, float]:
-    """Return amplitude, µm peak, and phase lag, degrees from 0 to 360."""
-    return abs(vector) / MICRO, -math.degrees(cmath.phase(vector)) % 360.0
+    """Return amplitude, µm peak, and phase lag, degrees."""
+    return abs(vector) / MICROMETRE, phase_lag_degrees(vector)

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Calibration, Channel
+from analysis.signals.units import MICROMETRE, MILLIMETRE, MILLIVOLT
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column
 
 STEPS = 65_532
 """Codes from -32766 to 32766: no imported value is at the converter's rails, where it would count as clipped."""
 BLOCK_DURATION = 0.1  # s
-VOLT_UNITS = {"V": 1.0, "mV": 1e-3}
-LENGTH_UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0}
+VOLT_UNITS = {"V": 1.0, "mV": MILLIVOLT}
+LENGTH_UNITS = {"um": MICROMETRE, "mm": MILLIMETRE, "m": 1.0}
 UNITS = (*VOLT_UNITS, *LENGTH_UNITS)
 
 

@@ -1,6 +1,5 @@
 """Encoding of analysis snapshots as messages of a run file, and decoding, bit for bit."""
 
-import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,11 +19,9 @@ from analysis.signals.snapshot import (
     Trace,
     Whirl,
 )
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from recordings.mcap.layout import FEATURES, NANOSECONDS, ORDER_FRAME
 from recordings.mcap.schema import rig_pb2
-
-MICRO = 1e-6
-RPM = 2 * math.pi / 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +122,8 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         gap_y_v=snapshot.gap_volts[1],
         gap_x_ok=bool(snapshot.gap_ok[0]),
         gap_y_ok=bool(snapshot.gap_ok[1]),
-        peak_to_peak_x_um=snapshot.peak_to_peak[0] / MICRO,
-        peak_to_peak_y_um=snapshot.peak_to_peak[1] / MICRO,
+        peak_to_peak_x_um=snapshot.peak_to_peak[0] / MICROMETRE,
+        peak_to_peak_y_um=snapshot.peak_to_peak[1] / MICROMETRE,
         peak_to_peak_x_m=snapshot.peak_to_peak[0],
         peak_to_peak_y_m=snapshot.peak_to_peak[1],
         clipped=snapshot.clipped.tolist(),
@@ -169,28 +166,23 @@ def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
 
 def _add_orders(message: rig_pb2.Features, frame: OrderFrame) -> None:
     (x_1x, y_1x), (x_2x, y_2x) = frame.vectors.tolist()
-    message.x_1x_um, message.x_1x_lag_deg = abs(x_1x) / MICRO, _lag(x_1x)
-    message.y_1x_um, message.y_1x_lag_deg = abs(y_1x) / MICRO, _lag(y_1x)
-    message.x_2x_um, message.x_2x_lag_deg = abs(x_2x) / MICRO, _lag(x_2x)
-    message.y_2x_um, message.y_2x_lag_deg = abs(y_2x) / MICRO, _lag(y_2x)
-    message.noise_um = frame.noise / MICRO
-    message.sigma_1x_um, message.sigma_2x_um = (frame.sigma / MICRO).tolist()
+    message.x_1x_um, message.x_1x_lag_deg = abs(x_1x) / MICROMETRE, phase_lag_degrees(x_1x)
+    message.y_1x_um, message.y_1x_lag_deg = abs(y_1x) / MICROMETRE, phase_lag_degrees(y_1x)
+    message.x_2x_um, message.x_2x_lag_deg = abs(x_2x) / MICROMETRE, phase_lag_degrees(x_2x)
+    message.y_2x_um, message.y_2x_lag_deg = abs(y_2x) / MICROMETRE, phase_lag_degrees(y_2x)
+    message.noise_um = frame.noise / MICROMETRE
+    message.sigma_1x_um, message.sigma_2x_um = (frame.sigma / MICROMETRE).tolist()
     message.x_1x_lag_sigma_deg, message.y_1x_lag_sigma_deg = np.degrees(frame.phase_sigma[0]).tolist()
     message.whirls = len(frame.whirls)
     if frame.whirl is not None:
         message.whirl_order = frame.whirl.order
-        message.whirl_um = frame.whirl.amplitude / MICRO
+        message.whirl_um = frame.whirl.amplitude / MICROMETRE
         message.whirl_is_forward = frame.whirl.is_forward
-        message.whirl_sigma_um = frame.whirl.sigma / MICRO
+        message.whirl_sigma_um = frame.whirl.sigma / MICROMETRE
     if frame.compensated is not None and np.isfinite(frame.compensated[0]).all():
         x, y = frame.compensated[0].tolist()
-        message.x_1x_compensated_um, message.x_1x_compensated_lag_deg = abs(x) / MICRO, _lag(x)
-        message.y_1x_compensated_um, message.y_1x_compensated_lag_deg = abs(y) / MICRO, _lag(y)
-
-
-def _lag(vector: complex) -> float:
-    """Return the phase lag of a vector, degrees from 0 to 360."""
-    return -math.degrees(cmath.phase(vector)) % 360.0
+        message.x_1x_compensated_um, message.x_1x_compensated_lag_deg = abs(x) / MICROMETRE, phase_lag_degrees(x)
+        message.y_1x_compensated_um, message.y_1x_compensated_lag_deg = abs(y) / MICROMETRE, phase_lag_degrees(y)
 
 
 def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
@@ -219,10 +211,10 @@ def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
         sigma_2x_m=frame.sigma[1],
         angle_sigma_rad=frame.angle_sigma,
         runout=None if frame.runout is None else _runout(frame.runout),
-        spectrum_x_um=(np.abs(frame.spectrum[0]) / MICRO).tolist(),
-        spectrum_y_um=(np.abs(frame.spectrum[1]) / MICRO).tolist(),
-        orbit_x_um=(frame.orbit[0] / MICRO).tolist(),
-        orbit_y_um=(frame.orbit[1] / MICRO).tolist(),
+        spectrum_x_um=(np.abs(frame.spectrum[0]) / MICROMETRE).tolist(),
+        spectrum_y_um=(np.abs(frame.spectrum[1]) / MICROMETRE).tolist(),
+        orbit_x_um=(frame.orbit[0] / MICROMETRE).tolist(),
+        orbit_y_um=(frame.orbit[1] / MICROMETRE).tolist(),
     )
     if frame.compensated_orbit is not None:
         message.compensated_orbit_x_m.extend(frame.compensated_orbit[0].tolist())

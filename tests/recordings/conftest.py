@@ -23,6 +23,7 @@ from analysis.signals.header import (
     Tacho,
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.units import RPM
 from tests.recordings.postgresql import new_schema, server
 
 RATE = 20_000.0
@@ -61,7 +62,7 @@ def header() -> RunHeader:
             Tacho(2.5, 1.0, Edge.FALLING, 1, 0.31, 1e-3, 1.5e-4),
         ),
         settings=AnalysisSettings(update_interval=0.1 / 3),
-        limits=Limits(80e-6 * 1.01, 95e-6, 100e-6, 20_000 * math.pi / 30),
+        limits=Limits(80e-6 * 1.01, 95e-6, 100e-6, 20_000 * RPM),
         config_toml='name = "GJ90C bench"  # µm\n',
         program="rig 0.1.0",
         note='oil 40 °C, "cold" start\n',

@@ -22,7 +22,7 @@ from analysis.signals.units import (
 ROOT = Path(__file__).parents[3]
 SOURCES = [
     path
-    for package in ("analysis", "tests/analysis")
+    for package in ("analysis", "recordings", "tests/analysis", "tests/recordings")
     for path in sorted((ROOT / package).rglob("*.py"))
     if path not in (Path(units.__file__), Path(__file__))
 ]

@@ -12,6 +12,7 @@ import pytest
 from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, TimeInRun
 from analysis.signals.header import RunHeader
+from analysis.signals.units import RPM
 from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.entry import calibration_identity
@@ -24,7 +25,6 @@ from recordings.mcap.writer import RunWriter
 MakeBlock = Callable[..., SampleBlock]
 Record = Callable[..., Path]
 SECOND = 1_000_000_000
-RPM = 2 * math.pi / 60
 
 pytestmark = pytest.mark.usefixtures("database")
 

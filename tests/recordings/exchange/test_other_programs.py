@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE, RPM
 from recordings.mcap.layout import TOPICS
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.schema import rig_pb2
@@ -63,11 +64,11 @@ def test_documented_example_reads_speeds_and_displacement(
     speeds = np.array([row[1:] for row in rows if row[0] == "speed_rpm"], dtype=np.float64)
     expected = [make_snapshot(0, BLOCK * (k + 1)) for k in range(N_BLOCKS)]
     np.testing.assert_array_equal(speeds[:, 0], [snapshot.time for snapshot in expected])
-    np.testing.assert_allclose(speeds[:, 1], [snapshot.speed * 30 / np.pi for snapshot in expected], rtol=1e-14)
+    np.testing.assert_allclose(speeds[:, 1], [snapshot.speed / RPM for snapshot in expected], rtol=1e-14)
     moves = np.array([row[1:] for row in rows if row[0] == "displacement_um"], dtype=np.float64)
     probe = header.acquisition.channels[0]
     np.testing.assert_array_equal(moves[:, 0], np.arange(BLOCK * N_BLOCKS) / header.acquisition.rate)
-    displacement = probe.displacement(codes_of(0, 0, BLOCK * N_BLOCKS)[0]) * 1e6
+    displacement = probe.displacement(codes_of(0, 0, BLOCK * N_BLOCKS)[0]) / MICROMETRE
     np.testing.assert_allclose(moves[:, 1], displacement, rtol=1e-12, atol=1e-9)
 
 
@@ -117,9 +118,9 @@ def test_rounded_fields_for_viewers_match_the_exact_fields(
     snapshot = make_snapshot(0, 2000)
     assert snapshot.frame is not None
     frame = rig_pb2.OrderFrame.FromString(encode_snapshot(snapshot, header)[0].data)
-    np.testing.assert_allclose(frame.spectrum_x_um, np.abs(snapshot.frame.spectrum[0]) * 1e6, rtol=1e-6)
-    np.testing.assert_allclose(frame.spectrum_y_um, np.abs(snapshot.frame.spectrum[1]) * 1e6, rtol=1e-6)
-    np.testing.assert_allclose([frame.orbit_x_um, frame.orbit_y_um], snapshot.frame.orbit * 1e6, rtol=1e-6)
+    np.testing.assert_allclose(frame.spectrum_x_um, np.abs(snapshot.frame.spectrum[0]) / MICROMETRE, rtol=1e-6)
+    np.testing.assert_allclose(frame.spectrum_y_um, np.abs(snapshot.frame.spectrum[1]) / MICROMETRE, rtol=1e-6)
+    np.testing.assert_allclose([frame.orbit_x_um, frame.orbit_y_um], snapshot.frame.orbit / MICROMETRE, rtol=1e-6)
 
 
 @contextmanager

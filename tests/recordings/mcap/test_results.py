@@ -8,6 +8,7 @@ import pytest
 
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE, RPM
 from recordings.mcap.results import decode_snapshot, encode_snapshot
 from recordings.mcap.schema import rig_pb2
 
@@ -65,16 +66,16 @@ def test_features_are_in_display_units(header: RunHeader, make_snapshot: MakeSna
     assert snapshot.frame is not None
     assert snapshot.frame.whirl is not None
     vector = snapshot.frame.vectors[0, 0]
-    assert features.speed_rpm == pytest.approx(snapshot.speed * 30 / math.pi)
-    assert features.x_1x_um == pytest.approx(abs(vector) * 1e6)
+    assert features.speed_rpm == pytest.approx(snapshot.speed / RPM)
+    assert features.x_1x_um == pytest.approx(abs(vector) / MICROMETRE)
     assert features.x_1x_lag_deg == pytest.approx(-math.degrees(np.angle(vector)) % 360)
     assert features.y_1x_lag_deg == pytest.approx(180.0)
-    assert features.peak_to_peak_y_um == pytest.approx(snapshot.peak_to_peak[1] * 1e6)
-    assert features.whirl_um == pytest.approx(snapshot.frame.whirl.amplitude * 1e6)
+    assert features.peak_to_peak_y_um == pytest.approx(snapshot.peak_to_peak[1] / MICROMETRE)
+    assert features.whirl_um == pytest.approx(snapshot.frame.whirl.amplitude / MICROMETRE)
     assert features.whirl_order == snapshot.frame.whirl.order
     assert features.whirls == 2
     assert snapshot.frame.compensated is not None
-    assert features.x_1x_compensated_um == pytest.approx(abs(snapshot.frame.compensated[0, 0]) * 1e6)
+    assert features.x_1x_compensated_um == pytest.approx(abs(snapshot.frame.compensated[0, 0]) / MICROMETRE)
     assert features.sigma_1x_um == pytest.approx(1e-2 / 3)
     assert features.x_1x_lag_sigma_deg == pytest.approx(np.degrees(snapshot.frame.phase_sigma[0, 0]))
 
