@@ -11,6 +11,7 @@ from analysis.preflight.checks import Verdict
 from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
 from daq.cli.output.progress import RPM, Console
 from daq.cli.output.terminal import print_json, print_lines, terminal_width
+from daq.config.devices import device_spec
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
@@ -32,8 +33,9 @@ def run_check(args: argparse.Namespace) -> int:
             raise
         print_json(invalid_rig_schema(error))
         return error.exit_code
-    rate = converter.coerced_rate(rig.config.timing.rate_hz)
-    convert_rate = converter.convert_rate(rate, len(rig.config.channel))
+    card = device_spec(rig.config.device.product)
+    rate = converter.coerced_rate(card, rig.config.timing.rate_hz)
+    convert_rate = converter.convert_rate(card, rate, len(rig.config.channel))
     if args.json:
         print_json(valid_rig_schema(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:

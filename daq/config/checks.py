@@ -1,18 +1,16 @@
-"""Cross-field checks of rig.toml: whether its keys agree with each other, with the card and with the sensors."""
+"""Cross-field checks of rig.toml: whether its keys agree with each other, with the sensors and with the card."""
 
 import math
 from collections import Counter
 from collections.abc import Iterator
 
 from analysis.signals.header import Role
+from daq.config.devices import DEVICES, HIGH_LEVEL, LOW_LEVEL, DeviceSpec
 from daq.config.rotor import model_parameters
 from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
 from daq.config.toml_files import Fault
 from model.rotor.tables import TableError
 
-MAX_AGGREGATE_RATE = {"USB-6251": 1e6}  # samples per second over all channels of a multi-channel scan
-DIFFERENTIAL_INPUTS = 8  # ai0 to ai7, each with the input 8 above it as its negative
-SINGLE_ENDED_INPUTS = 16
 BLOCKS_IN_BUFFER = 4
 MIN_PROBE_ANGLE = 10.0  # degrees between the probes' axes
 ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
@@ -20,25 +18,18 @@ MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_r
 MIN_SPLIT_MINUTES, MIN_SPLIT_GB = 0.01, 0.001
 MIN_PHASE_SAMPLES = 4  # of the tacho in the shorter of light and dark
 
-TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
-"""Rates, Hz, and the driver's names of the clocks that an M Series card can count."""
-COUNTERS = ("ctr0", "ctr1")
-LINES = 16  # PFI0 to PFI15
-COUNTER_WRAP = 1 << 32  # ticks; the count has 32 bits
 WRAP_MARGIN = 10.0  # s of a wrap reserved for a late stamp and a long block
-LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: guaranteed logic levels of a line of the card
 
 
 def cross_field_faults(config: RigConfig) -> Iterator[Fault]:
     """Yield the contradictions between the keys of a configuration."""
     yield from _roles(config)
-    yield from _wiring(config)
+    yield from _channel_names(config)
     yield from _probe_angles(config)
     for number, channel in enumerate(config.channel):
         yield from _channel(channel, f"channel[{number}]")
     yield from _timing(config)
     yield from _tacho(config)
-    yield from _counter(config)
     yield from _limits(config)
     yield from _runout(config)
     yield from _model(config)
@@ -49,6 +40,19 @@ def cross_field_faults(config: RigConfig) -> Iterator[Fault]:
         yield _fault("preflight.hum_warn_um", warn, f"at most hum_fail_um = {fail:g}", "preflight.hum_fail_um")
     if config.device.backend is Backend.SIMULATED:
         yield from _simulation(config)
+
+
+def card_faults(config: RigConfig) -> Iterator[Fault]:
+    """Yield the contradictions between a configuration and the limits of its card."""
+    product = config.device.product
+    if product not in DEVICES:
+        expected = f"one of {', '.join(DEVICES)}, the cards whose limits are known"
+        yield _fault("device.product", f'"{product}"', expected)
+        return
+    card = DEVICES[product]
+    yield from _inputs(config, card)
+    yield from _aggregate_rate(config, card)
+    yield from _counter(config, card)
 
 
 def _fault(key: str, value: float | str, expected: str, *others: str) -> Fault:
@@ -70,28 +74,45 @@ def _roles(config: RigConfig) -> Iterator[Fault]:
             yield _fault(key, channel.role.value, text, "channel")
 
 
-def _wiring(config: RigConfig) -> Iterator[Fault]:
+def _channel_names(config: RigConfig) -> Iterator[Fault]:
     names: dict[str, int] = {}
+    for number, channel in enumerate(config.channel):
+        if channel.name in names:
+            key = f"channel[{number}].name"
+            yield _fault(key, channel.name, f"a unique name, channel[{names[channel.name]}] has this one")
+        names.setdefault(channel.name, number)
+
+
+def _inputs(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
+    """Yield the channels whose input or range the card lacks or another channel uses."""
     inputs: dict[int, str] = {}
     for number, channel in enumerate(config.channel):
         key = f"channel[{number}]"
-        if channel.name in names:
-            yield _fault(f"{key}.name", channel.name, f"a unique name, channel[{names[channel.name]}] has this one")
-        names.setdefault(channel.name, number)
+        if channel.range_v not in card.input_ranges:
+            ranges = ", ".join(f"{volts:g}" for volts in card.input_ranges)
+            yield _fault(f"{key}.range_v", channel.range_v, f"one of {ranges}, the ranges of the {card.product}")
         positive = int(channel.physical.removeprefix("ai"))
         differential = channel.terminal == "differential"
-        available = DIFFERENTIAL_INPUTS if differential else SINGLE_ENDED_INPUTS
+        available = card.differential_inputs if differential else card.single_ended_inputs
         if positive >= available:
             yield _fault(
                 f"{key}.physical", channel.physical, f"ai0 to ai{available - 1} for a {channel.terminal} input"
             )
             continue
-        for used in [positive, positive + DIFFERENTIAL_INPUTS] if differential else [positive]:
+        for used in [positive, positive + card.differential_inputs] if differential else [positive]:
             if used in inputs:
                 free = f"a free input, {inputs[used]} uses ai{used}"
                 yield _fault(f"{key}.physical", channel.physical, free, "channel.terminal")
                 break
             inputs[used] = key
+
+
+def _aggregate_rate(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
+    rate, channels = config.timing.rate_hz, len(config.channel)
+    aggregate = card.max_total_rate(channels)
+    if rate * channels > aggregate:
+        expected = f"at most {math.floor(aggregate / channels)}: the {card.product} shares {aggregate:,.0f} Hz among "
+        yield _fault("timing.rate_hz", rate, f"{expected}{channels} channels", "device.product")
 
 
 def _probe_angles(config: RigConfig) -> Iterator[Fault]:
@@ -122,11 +143,7 @@ def _channel(channel: ChannelSection, key: str) -> Iterator[Fault]:
 
 
 def _timing(config: RigConfig) -> Iterator[Fault]:
-    timing, channels = config.timing, len(config.channel)
-    aggregate = MAX_AGGREGATE_RATE.get(config.device.product)
-    if aggregate is not None and timing.rate_hz * channels > aggregate:
-        expected = f"at most {aggregate / channels:.0f}: the {config.device.product} shares {aggregate:,.0f} Hz among "
-        yield _fault("timing.rate_hz", timing.rate_hz, f"{expected}{channels} channels", "device.product")
+    timing = config.timing
     needed = 2 * config.analysis.highest_order * config.limits.speed_rpm / 60
     if timing.rate_hz <= needed:
         order = f"order {config.analysis.highest_order:g} at {config.limits.speed_rpm:g} r/min"
@@ -185,23 +202,26 @@ def _max_tacho_speed(tacho: TachoSection) -> float:
     return shorter / tacho.response_time_s * 60 / tacho.pulses_per_revolution
 
 
-def _counter(config: RigConfig) -> Iterator[Fault]:
+def _counter(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
     """Yield the errors in `[tacho.counter]`."""
     section, timing = config.tacho.counter, config.timing
     if section is None:
         return
     key = "tacho.counter"
-    if section.counter not in COUNTERS:
-        yield _fault(f"{key}.counter", f'"{section.counter}"', f"{' or '.join(COUNTERS)}, the counters of the card")
-    if int(section.terminal.removeprefix("PFI")) >= LINES:
-        yield _fault(f"{key}.terminal", f'"{section.terminal}"', f"PFI0 to PFI{LINES - 1}, the lines of the card")
-    if section.timebase_hz not in TIMEBASES:
-        expected = f"one of the card's clocks, {', '.join(f'{rate:.0f}' for rate in TIMEBASES)}"
-        yield _fault(f"{key}.timebase_hz", f"{section.timebase_hz:g}", expected)
+    if section.counter not in card.counter_names:
+        expected = f"one of {', '.join(card.counter_names)}, the counters of the {card.product}"
+        yield _fault(f"{key}.counter", f'"{section.counter}"', expected)
+    if int(section.terminal.removeprefix("PFI")) >= card.pfi_inputs:
+        expected = f"PFI0 to PFI{card.pfi_inputs - 1}, the input lines of the {card.product}"
+        yield _fault(f"{key}.terminal", f'"{section.terminal}"', expected)
+    timebase = section.timebase_hz or card.fastest_counter_timebase
+    if timebase not in card.counter_timebases:
+        rates = ", ".join(f"{rate:.0f}" for rate in card.counter_timebases)
+        yield _fault(f"{key}.timebase_hz", timebase, f"one of {rates}, the clocks of the {card.product}")
         return
-    longest = COUNTER_WRAP / section.timebase_hz - WRAP_MARGIN
-    if timing.buffer_s > longest:
-        expected = f"at most {longest:.1f}: a 32-bit count wraps every {COUNTER_WRAP / section.timebase_hz:.1f} s"
+    wrap = card.counter_wrap / timebase
+    if timing.buffer_s > wrap - WRAP_MARGIN:
+        expected = f"at most {wrap - WRAP_MARGIN:.1f}: a {card.counter_width}-bit count wraps every {wrap:.1f} s"
         yield _fault("timing.buffer_s", f"{timing.buffer_s:g}", expected, f"{key}.timebase_hz")
     bench = config.simulation
     if config.device.backend is Backend.SIMULATED and not (

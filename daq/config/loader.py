@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from analysis.signals.header import Calibration, Role
 from daq.config.calibration import load_calibration
-from daq.config.checks import cross_field_faults, trigger_faults
+from daq.config.checks import card_faults, cross_field_faults, trigger_faults
 from daq.config.rig import Rig
 from daq.config.rotor import default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig, TriggerSection
@@ -104,7 +104,7 @@ def _rig(
     path: Path, data: dict[str, object], rotor_faults: list[Fault], calibration_of: Callable[[str, str], Calibration]
 ) -> Rig:
     """Return the rig in parsed tables; `calibration_of` returns the calibration for a channel and file name."""
-    config, faults = _validate(data)
+    config, faults = _validate(data, _all_faults)
     faults += rotor_faults
     calibrations: dict[str, Calibration] = {}
     for number, channel in _probes(data):
@@ -131,9 +131,9 @@ def _rig(
 def read_recorded_config(text: str, file: str) -> RigConfig:
     """Return the configuration stored in a recording's header; the files that it names are not read.
 
-    The configuration was valid when the run was recorded. Keys that were renamed since are translated. Values that the
-    present schema refuses (a removed key, a narrower range) get their defaults, except in the sections on which the
-    model depends. So every recording stays readable.
+    The configuration was valid when the run was recorded, so it is not checked against the card. Keys that were renamed
+    since are translated. Values that the present schema refuses (a removed key, a narrower range) get their defaults,
+    except in the sections on which the model depends. So every recording stays readable.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def read_recorded_config(text: str, file: str) -> RigConfig:
     """
     data = read_tables(text, file)
     _translate_renamed_keys(data)
-    config, faults = _validate(data)
+    config, faults = _validate(data, cross_field_faults)
     if config is None or any(fault.keys[0].startswith(MODEL_SECTIONS) for fault in faults):
         raise ConfigError(file, [fault.text for fault in faults])
     return config
@@ -190,11 +190,19 @@ def _embed_rotor(data: dict[str, object], folder: Path | None) -> list[Fault]:
     return []
 
 
-def _validate(data: dict[str, object]) -> tuple[RigConfig | None, list[Fault]]:
+def _all_faults(config: RigConfig) -> Iterator[Fault]:
+    yield from cross_field_faults(config)
+    yield from card_faults(config)
+
+
+def _validate(
+    data: dict[str, object], contradictions: Callable[[RigConfig], Iterator[Fault]]
+) -> tuple[RigConfig | None, list[Fault]]:
     """Return the configuration in parsed tables and all errors in it; None where required parts are missing.
 
     Pydantic stops at the errors of single keys. To check also how the other keys fit together, wrong values are removed
-    so that their defaults apply, required ones are replaced by placeholders, and the rest is validated again.
+    so that their defaults apply, required ones are replaced by placeholders, and the rest is validated again, then
+    passed to `contradictions`.
     """
     faults: list[Fault] = []
     sound: dict[str, object] = data
@@ -215,7 +223,7 @@ def _validate(data: dict[str, object]) -> tuple[RigConfig | None, list[Fault]]:
             sound = _without(filled, wrong_paths + incomplete)
         else:
             wrong = {fault.keys[0] for fault in faults}
-            faults += [fault for fault in cross_field_faults(config) if not _follows_from(fault, wrong)]
+            faults += [fault for fault in contradictions(config) if not _follows_from(fault, wrong)]
             return config if complete else None, faults
     return None, faults
 

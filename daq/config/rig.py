@@ -8,6 +8,7 @@ from pathlib import Path
 
 from analysis.preflight.checks import WiringLimits
 from analysis.signals.header import AnalysisSettings, Calibration, Limits, RunOutSettings, Tacho, TachoCounter
+from daq.config.devices import device_spec
 from daq.config.schema import RigConfig
 
 MICRO = 1e-6
@@ -79,7 +80,7 @@ class Rig:
             counter=section.counter,
             terminal=section.terminal,
             edge=section.edge or self.config.tacho.edge,
-            timebase=section.timebase_hz,
+            timebase=section.timebase_hz or device_spec(self.config.device.product).fastest_counter_timebase,
             is_reference=section.reference == "counter",
             max_difference=section.max_difference_us * MICRO,
         )

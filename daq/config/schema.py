@@ -20,18 +20,6 @@ Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 
 
-INPUT_RANGES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)  # ±V, of an M Series card
-
-
-def _input_range(value: float) -> float:
-    if value not in INPUT_RANGES:
-        raise ValueError(f"expected one of the card's ranges {', '.join(f'{r:g}' for r in INPUT_RANGES)}")
-    return value
-
-
-InputRange = Annotated[float, AfterValidator(_input_range)]
-
-
 class Backend(StrEnum):
     """The source of the samples."""
 
@@ -43,7 +31,7 @@ class DeviceSection(Section):
     """`[device]`: the card, real or simulated."""
 
     backend: Backend = Backend.SIMULATED
-    product: str = "USB-6251"
+    product: str = "USB-6251"  # determines the limits, see daq.config.devices
     name: str = "Dev1"
     serial: Annotated[
         str, Field(pattern=r"^(0[xX])?[0-9A-Fa-f]{0,16}$", description="the hexadecimal number printed on the card")
@@ -73,7 +61,7 @@ class ChannelSection(Section):
     role: Role
     physical: Annotated[str, Field(pattern=r"^ai[0-9]{1,2}$", description='an input of the card, as "ai0"')]
     terminal: Literal["differential", "rse", "nrse"] = "differential"
-    range_v: InputRange = 10.0  # plus and minus
+    range_v: Positive = 10.0  # plus and minus
     angle_deg: float = 0.0
     calibration: str = ""  # file, relative to rig.toml; for probes
     gap_window_v: tuple[float, float] = (1.0, 9.0)
@@ -85,7 +73,7 @@ class CounterSection(Section):
     counter: Annotated[str, Field(pattern=r"^ctr[0-9]$", description='a counter of the card, as "ctr0"')] = "ctr0"
     terminal: Annotated[str, Field(pattern=r"^PFI[0-9]{1,2}$", description='a line of the card, as "PFI0"')] = "PFI0"
     edge: Edge | None = None  # at that line; default: tacho.edge
-    timebase_hz: Positive = 80e6
+    timebase_hz: Positive | None = None  # default: the fastest clock of the card
     reference: Literal["samples", "counter"] = "samples"  # source of speed and phase
     max_difference_us: Positive = 50.0  # between the two times of an edge, before it is reported
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import Acquisition, Channel, Edge, Role, TachoCounter
 from analysis.signals.header import Device as DeviceRecord
-from daq.config.checks import TIMEBASES
+from daq.config.devices import device_spec
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection, RigConfig
 from daq.drivers.ni.connection import Connection
@@ -58,7 +58,8 @@ class NiCounter:
         pulse_rate = PULSE_RATE_MARGIN * config.limits.speed_rpm / 60 * config.tacho.pulses_per_revolution
         size = MIN_STAMPS + math.ceil(pulse_rate * config.timing.buffer_s)
         channel = task.ci_channels.add_ci_count_edges_chan(f"{device}/{counter.counter}")
-        channel.ci_count_edges_term = f"/{device}/{TIMEBASES[counter.timebase]}"
+        timebases = device_spec(config.device.product).counter_timebases
+        channel.ci_count_edges_term = f"/{device}/{timebases[counter.timebase]}"
         task.timing.cfg_samp_clk_timing(
             pulse_rate,
             source=f"/{device}/{counter.terminal}",
@@ -104,6 +105,13 @@ class NiCard:
     rig : Rig
         Determines card, inputs and rate.
 
+    Attributes
+    ----------
+    acquisition : Acquisition
+        The acquisition with its actual settings, read back from the device.
+    counter_wrap : int
+        Number of ticks after which a count starts again from 0.
+
     Raises
     ------
     DeviceError
@@ -117,6 +125,7 @@ class NiCard:
         self._counter: NiCounter | None = None
         self._lock = threading.Lock()
         self._closed = False
+        self.counter_wrap = device_spec(rig.config.device.product).counter_wrap
         with ExitStack() as undo:
             undo.callback(self.close)
             with self._connection.errors_translated():

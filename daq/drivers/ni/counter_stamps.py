@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import SegmentEnd
-from daq.config.checks import COUNTER_WRAP
 from daq.errors import DeviceError, DeviceFault
 
 if TYPE_CHECKING:
@@ -18,22 +17,28 @@ MAX_STAMP_DELAY = 5.0  # s from the edge to the program: longer than any real de
 
 
 class CounterUnwrapper:
-    """Extends latched 32-bit counts to 64 bits.
+    """Extends latched counts to 64 bits.
 
     Between two counts less than a wrap apart, the counter wraps at most once. After a longer pause the counts alone are
     ambiguous. Then the samples decide: the counter was empty when it was last read, so the next edge came later than
     that, by less than a wrap.
+
+    Parameters
+    ----------
+    wrap : int
+        Number of ticks after which the card's count starts again from 0.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, wrap: int) -> None:
+        self._wrap = wrap
         self._minimum = 0  # of the next count, in ticks since the counter started
 
     def ticks(self, counts: NDArray[np.uint32]) -> NDArray[np.int64]:
         """Return the ticks since the counter started, for the counts read next."""
         if counts.size == 0:
             return np.empty(0, np.int64)
-        steps = np.diff(counts).astype(np.int64)  # modulo 2³²
-        first = self._minimum + (int(counts[0]) - self._minimum) % COUNTER_WRAP
+        steps = np.mod(np.diff(counts.astype(np.int64)), self._wrap)
+        first = self._minimum + (int(counts[0]) - self._minimum) % self._wrap
         ticks = first + np.concatenate([[0], np.cumsum(steps)])
         self._minimum = int(ticks[-1]) + 1
         return ticks
@@ -59,7 +64,7 @@ class CounterStamps:
         self._reset()
 
     def _reset(self) -> None:
-        self._unwrapper = CounterUnwrapper()
+        self._unwrapper = CounterUnwrapper(self._card.counter_wrap)
         self._ahead = np.empty(0, np.int64)  # stamps of samples that have not been read yet
         self._fault = ""
 

@@ -1,4 +1,4 @@
-"""The simulated USB-6251 and the simulated bench connected to it."""
+"""The simulated card and the simulated bench connected to it."""
 
 import math
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Acquisition, Channel, Device, Role
+from daq.config.devices import device_spec
 from daq.config.rig import MICRO, RPM, Rig
 from daq.config.schema import ChannelSection
 from daq.drivers.simulation import converter
@@ -165,7 +166,8 @@ def _speed_profile(rig: Rig) -> SpeedProfile:
 
 def _acquisition(rig: Rig) -> Acquisition:
     config = rig.config
-    rate = converter.coerced_rate(config.timing.rate_hz)
+    card = device_spec(config.device.product)
+    rate = converter.coerced_rate(card, config.timing.rate_hz)
     return Acquisition(
         device=Device(
             backend=str(config.device.backend),
@@ -175,7 +177,7 @@ def _acquisition(rig: Rig) -> Acquisition:
             simulated=True,
         ),
         rate=rate,
-        convert_rate=converter.convert_rate(rate, len(config.channel)),
+        convert_rate=converter.convert_rate(card, rate, len(config.channel)),
         channels=tuple(_channel(rig, section) for section in config.channel),
         tacho=rig.tacho,
         buffer=round(config.timing.buffer_s * rate),

@@ -1,17 +1,17 @@
-"""The A/D converter of the simulated USB-6251: clocks, ranges and its uncalibrated 16 bits.
+"""The A/D converter of the simulated card: clocks, scaling and codes.
 
-The figures are from NI's M Series manual and 6255 specification; see `convert_rate` and `scaling`.
+The limits are those of the card's `DeviceSpec`; the other figures are from NI's M Series manual and 6255 specification,
+see `convert_rate` and `scaling`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import CODE_MAX, CODE_MIN
+from daq.config.devices import DeviceSpec
 
 FloatArray = NDArray[np.float64]
 
-TIMEBASE = 20e6  # Hz
-MAX_CONVERT_RATE = 1e6  # Hz, aggregate over several channels
 PADDING = 10e-6  # s that the driver adds for the amplifier to settle if the sample interval allows it
 
 # An uncalibrated converter, relative to the range: it exceeds the range by 4.8 % and has offset and curvature.
@@ -21,20 +21,21 @@ SQUARE = 1.5e-5  # at full scale
 CUBE = -2.5e-5  # at full scale
 
 
-def coerced_rate(rate: float) -> float:
-    """Return the nearest rate, Hz, that the card's timebase allows: 20 MHz over a whole number."""
-    return TIMEBASE / max(round(TIMEBASE / rate), 1)
+def coerced_rate(card: DeviceSpec, rate: float) -> float:
+    """Return the nearest rate, Hz, that the card's timebase allows: the timebase over a whole number."""
+    return card.sample_timebase / max(round(card.sample_timebase / rate), 1)
 
 
-def convert_rate(rate: float, channels: int) -> float:
+def convert_rate(card: DeviceSpec, rate: float, channels: int) -> float:
     """Return the rate, Hz, of the multiplexer's convert clock.
 
-    One fastest conversion plus 10 µs per channel if that fits into the sample interval, else evenly spaced (M Series
-    manual, AI Convert Clock), in whole ticks of the timebase.
+    One fastest conversion plus 10 µs per channel if that fits into the sample interval, else evenly spaced (M Series,
+    USB-621x and X Series manuals, AI Convert Clock), in whole ticks of the timebase.
     """
-    between_samples = round(TIMEBASE / rate)
-    padded = round(TIMEBASE * (1.0 / MAX_CONVERT_RATE + PADDING))
-    return TIMEBASE / (padded if padded * channels <= between_samples else between_samples // channels)
+    timebase = card.sample_timebase
+    between_samples = round(timebase / rate)
+    padded = round(timebase * (1.0 / card.max_total_rate(channels) + PADDING))
+    return timebase / (padded if padded * channels <= between_samples else between_samples // channels)
 
 
 def scaling(full_range: float) -> tuple[float, float, float, float]:

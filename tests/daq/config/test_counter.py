@@ -5,8 +5,8 @@ import pytest
 from analysis.signals.header import Edge
 from daq.cli.main import main
 from daq.config.loader import load_rig, read_recorded_config
-from tests.daq.config.test_loader import faults_of
 from tests.daq.conftest import RigFactory, RigFiles
+from tests.daq.support.rig_files import faults_of
 
 Captured = pytest.CaptureFixture[str]
 
@@ -40,13 +40,19 @@ def test_recorded_configuration_contains_the_counter(rig: RigFactory) -> None:
 @pytest.mark.parametrize(
     ("counter", "fault"),
     [
-        ({"counter": "ctr2"}, 'tacho.counter.counter = "ctr2": expected ctr0 or ctr1, the counters of the card'),
+        (
+            {"counter": "ctr2"},
+            'tacho.counter.counter = "ctr2": expected one of ctr0, ctr1, the counters of the USB-6251',
+        ),
         ({"counter": "gpctr0"}, 'tacho.counter.counter = "gpctr0": expected a counter of the card, as "ctr0"'),
-        ({"terminal": "PFI16"}, 'tacho.counter.terminal = "PFI16": expected PFI0 to PFI15, the lines of the card'),
+        (
+            {"terminal": "PFI16"},
+            'tacho.counter.terminal = "PFI16": expected PFI0 to PFI15, the input lines of the USB-6251',
+        ),
         ({"terminal": "ai0"}, 'tacho.counter.terminal = "ai0": expected a line of the card, as "PFI0"'),
         (
             {"timebase_hz": 1e6},
-            "tacho.counter.timebase_hz = 1e+06: expected one of the card's clocks, 80000000, 20000000, 100000",
+            "tacho.counter.timebase_hz = 1e+06: expected one of 80000000, 20000000, 100000, the clocks of the USB-6251",
         ),
         (
             {"reference": "both"},

@@ -15,27 +15,11 @@ from daq.config.rotor import model_parameters
 from daq.config.schema import Backend
 from daq.config.toml_files import dotted
 from daq.errors import ConfigError
+from tests.daq.support.rig_files import channels, faults_of
 
 RIGS = Path(__file__).parents[3] / "rigs"
 RigFiles = Callable[..., Path]
 RigFactory = Callable[..., Rig]
-
-
-def channels(x: dict[str, object], y: dict[str, object], tacho: dict[str, object]) -> list[dict[str, object]]:
-    """Return the three channels of a rig with changes to each."""
-    return [
-        {"name": "x", "role": "probe_x", "physical": "ai0", "angle_deg": 45.0, "calibration": "probe-x.toml"} | x,
-        {"name": "y", "role": "probe_y", "physical": "ai1", "angle_deg": 135.0, "calibration": "probe-y.toml"} | y,
-        {"name": "tacho", "role": "tacho", "physical": "ai2"} | tacho,
-    ]
-
-
-def faults_of(path: Path) -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        load_rig(path)
-    assert caught.value.file == str(path)
-    assert caught.value.exit_code == 2
-    return caught.value.faults
 
 
 @pytest.mark.parametrize("name", ["bench", "model", "usb6251"])
@@ -292,7 +276,12 @@ def test_load_rig_reports_contradictions(rig_file: RigFiles, overrides: dict[str
         ),
         ({"calibration": ""}, {}, {}, "channel[0].calibration: missing, expected a file for a probe"),
         ({}, {}, {"calibration": "probe-x.toml"}, 'channel[2].calibration = "probe-x.toml": expected none for a tacho'),
-        ({}, {}, {"range_v": 3.0}, "channel[2].range_v = 3.0: expected one of the card's ranges 0.1, 0.2, 0.5, 1, 2,"),
+        (
+            {},
+            {},
+            {"range_v": 3.0},
+            "channel[2].range_v = 3: expected one of 0.1, 0.2, 0.5, 1, 2, 5, 10, the ranges of the USB-6251",
+        ),
         ({"physical": "a0"}, {}, {}, 'channel[0].physical = "a0": expected an input of the card, as "ai0"'),
     ],
 )
@@ -341,11 +330,11 @@ def test_load_rig_reports_all_errors_together(rig_file: RigFiles) -> None:
     assert [fault.split(":")[0] for fault in faults_of(path)] == [
         'timing.block_s = "fast"',
         "timing.rate_khz = 100",
-        "channel[0].range_v = 11.0",
         'channel[1].role = "probe_z"',
         "simulation.whirl[0].onset_rpm",
         "limits.speed_rpm = 40000",
         "limits.peak_to_peak_alarm_um = 200",
+        "channel[0].range_v = 11",
         'channel[0].calibration = "probe-x.toml"',
         'channel[1].calibration = "none.toml"',
     ]
@@ -362,8 +351,8 @@ def test_load_rig_checks_the_rest_of_a_table_that_lacks_a_key(rig_file: RigFiles
         "channel[1].role: missing, expected 'probe_x' or 'probe_y' or 'tacho'",
         "simulation.whirl[0].onset_rpm: missing, expected a number",
         "simulation.whirl[1].order: missing, expected a number",
-        "channel[2].physical = ai0: expected a free input, channel[0] uses ai0",
         "simulation.whirl[1].end_rpm = 4000: expected more than onset_rpm = 5000",
+        "channel[2].physical = ai0: expected a free input, channel[0] uses ai0",
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
-from daq.config.checks import COUNTER_WRAP
+from daq.config.devices import DEVICES
 from daq.config.schema import CounterSection
 from daq.drivers.ni import NiSource, open_ni_source
 from daq.drivers.ni.counter_stamps import CounterUnwrapper
@@ -20,6 +20,7 @@ from tests.daq.support.ni_driver import NiDriver
 
 COUNTER = CounterSection(reference="counter")
 READ = "ReadCounterU32Ex"
+COUNTER_WRAP = DEVICES["USB-6251"].counter_wrap
 
 
 @pytest.fixture
@@ -211,13 +212,13 @@ def test_frozen_server_ends_a_run_with_counter_and_both_tasks_are_cleared(card: 
 def test_unwrapped_counts_rise_through_every_wrap() -> None:
     rng = np.random.default_rng(7)
     truth = np.cumsum(rng.integers(1, COUNTER_WRAP, 200))
-    unwrapping = CounterUnwrapper()
+    unwrapping = CounterUnwrapper(COUNTER_WRAP)
     for part in np.array_split(truth, 23):
         np.testing.assert_array_equal(unwrapping.ticks((part % COUNTER_WRAP).astype(np.uint32)), part)
 
 
 def test_counts_after_a_pause_of_many_wraps_match_the_samples() -> None:
-    unwrapping = CounterUnwrapper()
+    unwrapping = CounterUnwrapper(COUNTER_WRAP)
     assert unwrapping.ticks(np.array([17], np.uint32)).tolist() == [17]
     for wraps in (1, 2, 5, 1000):
         tick = wraps * COUNTER_WRAP + 5

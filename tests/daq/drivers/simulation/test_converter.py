@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.signals.header import CODE_MAX, CODE_MIN
-from daq.drivers.simulation.converter import codes, convert_rate, scaling
+from daq.config.devices import DEVICES
+from daq.drivers.simulation.converter import codes, coerced_rate, convert_rate, scaling
 
 
 @pytest.mark.parametrize("full_range", [0.1, 1.0, 5.0, 10.0])
@@ -33,6 +34,26 @@ def test_codes_are_clipped_at_the_rails() -> None:
     np.testing.assert_array_equal(held, np.array([CODE_MIN, CODE_MAX], dtype=np.int16))
 
 
-@pytest.mark.parametrize(("rate", "channels", "expected"), [(1e3, 3, 1 / 11e-6), (250e3, 4, 1e6), (100e3, 2, 2e5)])
-def test_convert_clock_is_padded_if_the_sample_interval_allows_it(rate: float, channels: int, expected: float) -> None:
-    assert convert_rate(rate, channels) == pytest.approx(expected)
+@pytest.mark.parametrize(
+    ("product", "rate", "channels", "expected"),
+    [
+        ("USB-6251", 1e3, 3, 1 / 11e-6),
+        ("USB-6251", 250e3, 4, 1e6),
+        ("USB-6251", 100e3, 2, 2e5),
+        ("USB-6211", 1e3, 3, 1 / 14e-6),
+        ("USB-6211", 80e3, 3, 20e6 / 83),
+        ("PCIe-6321", 1e3, 3, 1 / 14e-6),
+        ("PCIe-6321", 80e3, 3, 100e6 / 416),
+    ],
+)
+def test_convert_clock_is_padded_if_the_sample_interval_allows_it(
+    product: str, rate: float, channels: int, expected: float
+) -> None:
+    assert convert_rate(DEVICES[product], rate, channels) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("product", "expected"), [("USB-6251", 20e6 / 667), ("USB-6211", 20e6 / 667), ("PCIe-6321", 100e6 / 3333)]
+)
+def test_rate_is_coerced_to_the_timebase_of_the_card(product: str, expected: float) -> None:
+    assert coerced_rate(DEVICES[product], 30e3) == expected

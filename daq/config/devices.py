@@ -1,0 +1,142 @@
+"""Cards that the service knows, with the limits that NI's specifications state for them.
+
+Sources: "NI 6251 Specifications" (M Series), "NI USB-621x Specifications" and "NI USB-621x User Manual" (clocks,
+PFI 0 to 3 are inputs, PFI 4 to 7 outputs), "NI 6321 Device Specifications" and "X Series User Manual" (table of analog
+input rates, clocks). Every card here has 16 bits, because a recording's int16 codes clip at their ends.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSpec:
+    """Limits of a card.
+
+    Parameters
+    ----------
+    product : str
+        Product name, the beginning of the driver's product type.
+    input_ranges : tuple of float
+        Ranges of the analog inputs, ±V, from the narrowest.
+    resolution : int
+        Bits of the converter.
+    aggregate_rate : float
+        Highest sample rate of several channels together, Hz.
+    single_channel_rate : float
+        Highest sample rate of one channel alone, Hz.
+    differential_inputs : int
+        Differential inputs, from ai0; the negative side of input n is single-ended input n + `differential_inputs`.
+    single_ended_inputs : int
+        Single-ended inputs, from ai0.
+    sample_timebase : float
+        Clock that is divided by whole numbers to give the sample and convert clocks, Hz.
+    counters : int
+        General-purpose counters, from ctr0.
+    counter_width : int
+        Bits of a count.
+    counter_timebases : mapping of float to str
+        Clocks that a counter can count: rate, Hz, and the driver's name; the fastest first.
+    pfi_inputs : int
+        Digital lines that can be a counter's input, from PFI0.
+    """
+
+    product: str
+    input_ranges: tuple[float, ...]
+    resolution: int
+    aggregate_rate: float
+    single_channel_rate: float
+    differential_inputs: int
+    single_ended_inputs: int
+    sample_timebase: float
+    counters: int
+    counter_width: int
+    counter_timebases: Mapping[float, str]
+    pfi_inputs: int
+
+    def max_total_rate(self, channels: int) -> float:
+        """Return the highest sample rate of all channels together, Hz."""
+        return self.single_channel_rate if channels == 1 else self.aggregate_rate
+
+    @property
+    def counter_names(self) -> tuple[str, ...]:
+        """Names of the counters, as "ctr0"."""
+        return tuple(f"ctr{number}" for number in range(self.counters))
+
+    @property
+    def counter_wrap(self) -> int:
+        """Number of ticks after which a count starts again from 0."""
+        return 1 << self.counter_width
+
+    @property
+    def fastest_counter_timebase(self) -> float:
+        """Rate of the fastest clock that a counter can count, Hz."""
+        return max(self.counter_timebases)
+
+
+LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: logic levels of a PFI line that all cards here guarantee
+
+M_SERIES_TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
+X_SERIES_TIMEBASES = {100e6: "100MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
+
+DEVICES = {
+    spec.product: spec
+    for spec in (
+        DeviceSpec(
+            product="USB-6251",
+            input_ranges=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+            resolution=16,
+            aggregate_rate=1e6,
+            single_channel_rate=1.25e6,
+            differential_inputs=8,
+            single_ended_inputs=16,
+            sample_timebase=20e6,
+            counters=2,
+            counter_width=32,
+            counter_timebases=M_SERIES_TIMEBASES,
+            pfi_inputs=16,
+        ),
+        DeviceSpec(
+            product="USB-6211",
+            input_ranges=(0.2, 1.0, 5.0, 10.0),
+            resolution=16,
+            aggregate_rate=250e3,
+            single_channel_rate=250e3,
+            differential_inputs=8,
+            single_ended_inputs=16,
+            sample_timebase=20e6,
+            counters=2,
+            counter_width=32,
+            counter_timebases=M_SERIES_TIMEBASES,
+            pfi_inputs=4,
+        ),
+        DeviceSpec(
+            product="PCIe-6321",
+            input_ranges=(0.2, 1.0, 5.0, 10.0),
+            resolution=16,
+            aggregate_rate=250e3,
+            single_channel_rate=250e3,
+            differential_inputs=8,
+            single_ended_inputs=16,
+            sample_timebase=100e6,
+            counters=4,
+            counter_width=32,
+            counter_timebases=X_SERIES_TIMEBASES,
+            pfi_inputs=16,  # of 24 digital lines; the 8 of port 0 are no PFI lines
+        ),
+    )
+}
+"""The known cards by product name."""
+
+
+def device_spec(product: str) -> DeviceSpec:
+    """Return the limits of a card.
+
+    Raises
+    ------
+    ValueError
+        The product is unknown; names the known ones.
+    """
+    if product not in DEVICES:
+        raise ValueError(f'product "{product}": expected one of {", ".join(DEVICES)}')
+    return DEVICES[product]
