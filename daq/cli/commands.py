@@ -31,7 +31,7 @@ Recordings go to storage.folder of the rig file, else $RIG_DATA, else ./data.
 COMMANDS = {
     "check": ("preflight", "Check a rig file and its calibrations without hardware; all errors are reported together."),
     "devices": ("preflight", "List the connected devices: product, serial number, simulated, busy."),
-    "preflight": ("preflight", "Check the rig before a run; say what to do about each failed check."),
+    "preflight": ("preflight", "Check the rig before a run; report the remedy for each failed check."),
     "calibrate": ("calibrate", "Calibrate a probe, or determine the tacho's switching levels."),
     "record": ("recording", "Record a run with live view and REST, and print its summary."),
     "replay": ("recording", "Replay a recording through the live analysis and view."),
