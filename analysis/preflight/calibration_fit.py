@@ -6,6 +6,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
+from analysis.signals.errors import CalibrationFitError
 from analysis.signals.units import MICROMETRE
 
 FloatArray = NDArray[np.float64]
@@ -66,8 +67,10 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
     Raises
     ------
     ValueError
-        Too few points, points whose voltage does not rise with the gap, or a polynomial that does not rise between
-        them.
+        Shapes, or an order outside 1 to 7.
+    CalibrationFitError
+        Too few points, points that are not finite or whose voltage does not rise with the gap, or a polynomial that
+        does not rise between them.
 
     Notes
     -----
@@ -81,9 +84,9 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
         raise ValueError(f"order {order}, expected {ORDER_RANGE[0]} to {ORDER_RANGE[1]}")
     fewest = order + 1 + MIN_FREEDOM
     if gaps.size < fewest:
-        raise ValueError(f"{gaps.size} points, expected at least {fewest} for a polynomial of order {order}")
+        raise CalibrationFitError(f"{gaps.size} points, expected at least {fewest} for a polynomial of order {order}")
     if not (np.all(np.isfinite(gaps)) and np.all(np.isfinite(volts))):
-        raise ValueError("a point is not a finite number")
+        raise CalibrationFitError("a point is not a finite number")
     _require_rising(gaps, volts)
     low, high = float(volts.min()), float(volts.max())
     fitted = Polynomial.fit(volts, gaps, order).convert()
@@ -93,7 +96,7 @@ def fit_calibration(gaps: FloatArray, volts: FloatArray, order: int) -> Calibrat
         at = float(np.linspace(low, high, GRID_POINTS)[int(np.argmin(slopes))])
         odd = _odd_point(gaps, volts, order)
         without = "" if odd is None else f", or leave out the point at {gaps[odd] / MICROMETRE:g} µm"
-        raise ValueError(
+        raise CalibrationFitError(
             f"the polynomial of order {order} falls at {at:.2f} V, expected a rise: try a lower order{without}"
         )
     return CalibrationFit(coefficients, low, high, np.asarray(fitted(volts) - gaps, dtype=np.float64))
@@ -113,7 +116,7 @@ def _odd_point(gaps: FloatArray, volts: FloatArray, order: int) -> int | None:
 
 
 def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
-    """Raise ValueError unless the voltage rises with the gap."""
+    """Raise CalibrationFitError unless the voltage rises with the gap."""
     by_gap = np.argsort(gaps, kind="stable")
     gaps, volts = gaps[by_gap], volts[by_gap]
     falls = np.flatnonzero((np.diff(volts) <= 0.0) & (np.diff(gaps) > 0.0))
@@ -122,7 +125,7 @@ def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
     first = int(falls[0]) if falls.size else 0
     one, other = gaps[first : first + 2] / MICROMETRE if gaps.size > 1 else (np.nan, np.nan)
     after = min(first + 1, volts.size - 1)
-    raise ValueError(
+    raise CalibrationFitError(
         f"{volts[first]:.3f} V at {one:g} µm, {volts[after]:.3f} V at {other:g} µm: expected a voltage that rises with "
         "the gap (wires exchanged, micrometer read the other way round, or a misread step?)"
     )

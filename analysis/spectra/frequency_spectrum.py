@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.errors import RecordTooShortError
+from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.signals.uncertainty import independent_frames
 from analysis.spectra.order_map import Window
 
@@ -101,15 +101,21 @@ class FrequencyFrames:
     ------
     RecordTooShortError
         The waveform is shorter than a frame.
+    BandLimitError
+        A resolution above a quarter of the rate.
     ValueError
         Settings out of range, or samples not finite.
     """
 
     def __init__(self, waveform: FloatArray, rate: float, resolution: float, overlap: float, window: Window) -> None:
-        if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not 0.0 < resolution <= 0.25 * rate < math.inf:
+        if waveform.ndim == 0 or not 0.0 <= overlap < 1.0 or not resolution > 0.0 or not 0.0 < rate < math.inf:
             raise ValueError(
-                f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz: expected samples, 0 to "
-                f"below 1, above 0 to {0.25 * rate} Hz"
+                f"waveform {waveform.shape}, overlap {overlap}, resolution {resolution} Hz, rate {rate} Hz: expected "
+                "samples, 0 to below 1, above 0, above 0"
+            )
+        if resolution > 0.25 * rate:
+            raise BandLimitError(
+                f"resolution: {resolution} Hz, expected at most {0.25 * rate} Hz, a quarter of the rate"
             )
         if not np.isfinite(waveform).all():
             raise ValueError("waveform: holds values that are not finite")

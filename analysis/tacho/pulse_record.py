@@ -81,9 +81,10 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     Raises
     ------
     TachoRefusedError
-        Too few pulses, no regular train, different counts forward and backward, or too many repairs.
+        Times that do not rise, too few pulses, no regular train, different counts forward and backward, or too many
+        repairs.
     ValueError
-        Times that are not finite or do not rise.
+        Times that are not finite.
 
     Notes
     -----
@@ -91,8 +92,14 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     K. Fyfe and E. Munck, MSSP 11(2), 1997.
     """
     times = np.asarray(times, dtype=np.float64)
-    if times.ndim != 1 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
-        raise ValueError(f"times: shape {times.shape}, expected (n,) finite and rising, s")
+    if times.ndim != 1 or not np.isfinite(times).all():
+        raise ValueError(f"times: shape {times.shape}, expected (n,) finite, s")
+    falls = np.flatnonzero(np.diff(times) <= 0.0)  # a counter may stamp one tick twice
+    if falls.size:
+        raise TachoRefusedError(
+            f"tacho: pulse {falls[0] + 1} at {times[falls[0] + 1]:.6f} s, expected after {times[falls[0]]:.6f} s, the "
+            "time of the pulse before"
+        )
     if times.size < MIN_PULSES:
         raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {MIN_PULSES}")
     if _is_clean(np.diff(times), tacho.pulses_per_revolution):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
 from analysis.resampling.decimation import DecimationPyramid
-from analysis.signals.errors import RecordTooShortError
+from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import ShaftAngle
 
@@ -85,8 +85,10 @@ def order_envelopes(
     ------
     RecordTooShortError
         Fewer than 8 samples, or too few to resolve the orders at this bandwidth.
+    BandLimitError
+        Orders above 0.45 of the rate, or a bandwidth that is impossible at this rate.
     ValueError
-        Shapes, orders above 0.45 of the rate, or a bandwidth that is impossible at this rate.
+        Shapes, orders or bandwidths that no record allows.
 
     Notes
     -----
@@ -101,7 +103,7 @@ def order_envelopes(
     n, count = waveform.size, len(orders)
     turn_rate = np.gradient(angle) * rate / (2.0 * np.pi)
     if max(orders) * float(turn_rate.max()) > 0.45 * rate:
-        raise ValueError(
+        raise BandLimitError(
             f"order {max(orders)} reaches {max(orders) * float(turn_rate.max()):.0f} Hz, expected at most 0.45 of the "
             f"rate, {0.45 * rate:.0f} Hz"
         )
@@ -152,7 +154,7 @@ def probe_envelopes(
 
     Raises
     ------
-    RecordTooShortError, ValueError
+    RecordTooShortError, BandLimitError, ValueError
         As for `order_envelopes`.
 
     Notes
@@ -233,12 +235,14 @@ def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...]) -
 def _weights(widths: FloatArray, rate: float) -> FloatArray:
     """Return r² of each order at each sample."""
     narrowest, widest = float(widths.min()), float(widths.max())
-    if not 0.0 < narrowest <= widest < 0.5 * rate:
-        raise ValueError(f"bandwidth: {narrowest} to {widest} Hz, expected above 0 to below {0.5 * rate} Hz")
+    if not narrowest > 0.0:
+        raise ValueError(f"bandwidth: {narrowest} Hz, expected above 0")
+    if not widest < 0.5 * rate:
+        raise BandLimitError(f"bandwidth: {narrowest} to {widest} Hz, expected above 0 to below {0.5 * rate} Hz")
     weights = 0.5 * HALF_POWER / (2.0 * np.sin(0.5 * np.pi * widths / rate)) ** (2 * POLES)
     if float(weights.max()) > MAX_WEIGHT:
         lowest = rate * 2.0 / np.pi * 0.5 * (0.5 * HALF_POWER / MAX_WEIGHT) ** (0.5 / POLES)
-        raise ValueError(
+        raise BandLimitError(
             f"bandwidth: {narrowest:.3g} Hz at {rate:.0f} samples a second, expected at least {lowest:.3g} Hz: "
             "decimate the waveform"
         )

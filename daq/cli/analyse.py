@@ -19,7 +19,7 @@ from daq.errors import UsageError
 from daq.reports.analysis_export import analysis_table, encode_analysis
 from daq.reports.analysis_result import AnalysisResult, analysis_schema
 from daq.reports.columns import QUANTITIES
-from daq.reports.errors import DataNotFoundError, PngUnavailableError, RequestTooLargeError
+from daq.reports.errors import PngUnavailableError
 from daq.reports.parameters import MAX_ORDERS, AnalysisForm, QueryParameters
 from daq.reports.plots.png import require_matplotlib
 from daq.reports.registry import KINDS
@@ -86,8 +86,6 @@ def run_analyse(args: argparse.Namespace) -> int:
     try:
         with RunReader(catalogue.path(run_id)) as reader:
             analysis = kind.analyse(RunSamples(reader, show_progress), parameters)
-    except (DataNotFoundError, RequestTooLargeError) as error:
-        raise UsageError(str(error)) from error
     finally:
         console.done()
     for file in args.output:

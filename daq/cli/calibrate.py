@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.preflight.calibration_fit import CalibrationFit, default_order, fit_calibration
+from analysis.signals.errors import CalibrationFitError
 from daq.cli.arguments import NOT_READY, AddCommand
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import (
@@ -211,7 +212,7 @@ def _fit_record(
     order = args.order or default_order(len(points))
     try:
         fit = fit_calibration(gaps, volts, order)
-    except ValueError as error:
+    except CalibrationFitError as error:
         saved = ""
         if points and not args.points:
             saved = f"; the points are saved to {save_points(path, points)}: correct them there, then use --points"

@@ -8,9 +8,11 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
+from analysis.signals.errors import AnalysisError
 from daq.cli.output.terminal import use_ascii_fallback
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
+from model.errors import ModelError, ParameterError
 from recordings.errors import RecordingError
 
 _EPILOG = """\
@@ -86,6 +88,8 @@ def rig_parser(command: str | None = None) -> argparse.ArgumentParser:
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code.
 
+    Errors of our own become one message; any other exception is a defect and escapes with its traceback.
+
     Raises
     ------
     KeyboardInterrupt
@@ -105,9 +109,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except RigError as error:
         print(f"rig: {error}", file=sys.stderr)
         return error.exit_code
-    except RecordingError as error:
+    except (RecordingError, ParameterError) as error:
         print(f"rig: {error}", file=sys.stderr)
         return UsageError.exit_code
+    except (AnalysisError, ModelError) as error:
+        print(f"rig: {error}", file=sys.stderr)
+        return RigError.exit_code
     except BrokenPipeError:
         if not _is_reader_gone(sys.stdout):
             raise

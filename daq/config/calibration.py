@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
 from analysis.preflight.calibration_fit import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
+from analysis.signals.errors import CalibrationFitError
 from analysis.signals.header import Calibration
 from daq.config.schema import NotNegative, Section
 from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
@@ -163,7 +164,7 @@ def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
         order = default_order(len(volts)) if table.order is None else table.order
         try:
             fit = fit_calibration(np.array([point.gap_um for point in record.point]) * MICRO, np.array(volts), order)
-        except ValueError as error:
+        except CalibrationFitError as error:
             faults.append(f"point: {error}")
             return None
         coefficients = tuple(coefficient / MICRO for coefficient in fit.coefficients)

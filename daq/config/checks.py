@@ -9,6 +9,7 @@ from daq.config.devices import DEVICES, HIGH_LEVEL, LOW_LEVEL, DeviceSpec
 from daq.config.rotor import model_parameters
 from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
 from daq.config.toml_files import Fault
+from model.errors import ParameterError
 from model.rotor.tables import TableError
 
 BLOCKS_IN_BUFFER = 4
@@ -315,7 +316,7 @@ def _model(config: RigConfig) -> Iterator[Fault]:
         file = f'model.rotor = "{config.model.rotor}"' if config.model.rotor else "rotor"
         for fault in error.faults:
             yield Fault(("rotor", "model.rotor"), f"{file}: {fault}")
-    except ValueError as error:
+    except ParameterError as error:
         yield Fault(tuple(f"model.{name}" for name in type(config.model).model_fields), f"model: {error}")
 
 

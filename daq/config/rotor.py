@@ -41,7 +41,7 @@ def model_parameters(config: RigConfig) -> ModelParameters:
 
     Raises
     ------
-    ValueError
+    ParameterError
         The rotor is wrong, or `[model]` contradicts it.
     """
     parameters = parameters_from_tables(config.rotor)

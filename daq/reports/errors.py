@@ -3,13 +3,11 @@
 ::
 
     RigError
-      InsufficientDataError     the samples do not contain what the analysis needs
-    LookupError
-      DataNotFoundError         the run has nothing at the requested segment, time or speed
-    ValueError
-      RequestTooLargeError      the result would exceed a size limit
-      ArrowUnavailableError     pyarrow is not installed
-      PngUnavailableError       matplotlib is not installed
+    ├── InsufficientDataError     the samples do not contain what the analysis needs             exit 1
+    ├── DataNotFoundError         the run has nothing at the requested segment, time or speed    exit 2
+    ├── RequestTooLargeError      the result would exceed a size limit                           exit 2
+    ├── ArrowUnavailableError     pyarrow is not installed                                       exit 2
+    └── PngUnavailableError       matplotlib is not installed                                    exit 2
 """
 
 from collections.abc import Iterator
@@ -23,26 +21,34 @@ class InsufficientDataError(RigError):
     """The samples do not contain what the analysis needs: too few revolutions, no tacho, an order out of range."""
 
 
-class DataNotFoundError(LookupError):
+class DataNotFoundError(RigError):
     """The run has nothing at the requested segment, time or speed."""
 
+    exit_code = 2
 
-class RequestTooLargeError(ValueError):
+
+class RequestTooLargeError(RigError):
     """The result would exceed a size limit."""
 
+    exit_code = 2
 
-class ArrowUnavailableError(ValueError):
+
+class ArrowUnavailableError(RigError):
     """Arrow needs pyarrow, which is not installed."""
 
+    exit_code = 2
 
-class PngUnavailableError(ValueError):
+
+class PngUnavailableError(RigError):
     """PNG needs matplotlib, which is not installed."""
+
+    exit_code = 2
 
 
 @contextmanager
 def translated_errors(where: str) -> Iterator[None]:
-    """Raise analysis errors of the block as `InsufficientDataError`; ``where`` starts the message."""
+    """Raise an AnalysisError of the block as `InsufficientDataError`; ``where`` starts the message."""
     try:
         yield
-    except (AnalysisError, ValueError) as error:  # a ValueError of the analysis is about the parameters
+    except AnalysisError as error:
         raise InsufficientDataError(f"{where}: {error}") from error

@@ -3,7 +3,8 @@
 from enum import StrEnum
 from typing import Annotated, Final
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from analysis.spectra.order_map import Scaling, Window
 
@@ -150,6 +151,16 @@ MIN_BANDWIDTH: Final = 0.001  # Hz, or per cent
 ORDER = r"\d{1,2}(\.\d{1,4})?"
 ORDERS: Final = rf"^{ORDER}(,{ORDER}){{0,{MAX_ORDERS - 1}}}$"
 
+
+def _require_distinct_orders(orders: str) -> str:
+    numbers = [float(order) for order in orders.split(",")]
+    if min(numbers) <= 0.0 or len(set(numbers)) < len(numbers):
+        raise PydanticCustomError("orders", "expected orders above 0, all different")
+    return orders
+
+
+require_distinct_orders = AfterValidator(_require_distinct_orders)
+
 Order = Annotated[float, Field(description="Frequency over shaft frequency", ge=0.05, le=100, examples=[1.0])]
 Revolutions = Annotated[
     int, Field(description="Whole revolutions per spectrum; the line spacing is 1 / revolutions orders", ge=8, le=256)
@@ -261,9 +272,11 @@ class OrbitQuery(FrameAnalysisQuery):
             description="direct: unfiltered; orders: only those of `orders` (1X, 2X, nX); rest: all but those (not-1X)"
         ),
     ] = OrbitFilter.DIRECT
-    orders: Annotated[str, Field(description="Orders, separated by commas", pattern=ORDERS, examples=["1", "1,2"])] = (
-        "1"
-    )
+    orders: Annotated[
+        str,
+        Field(description="Orders, separated by commas", pattern=ORDERS, examples=["1", "1,2"]),
+        require_distinct_orders,
+    ] = "1"
     revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4
 
 
@@ -371,6 +384,7 @@ class EnvelopesQuery(TimeIntervalQuery):
     orders: Annotated[
         str,
         Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
+        require_distinct_orders,
     ] = "1,2"
     bandwidth_hz: Annotated[
         float | None,
@@ -387,6 +401,13 @@ class EnvelopesQuery(TimeIntervalQuery):
     ] = None
     entries: Annotated[int, Field(description="Number of evenly spaced times", ge=2, le=20_000)] = 600
 
+    @field_validator("bandwidth_percent")
+    @classmethod
+    def _require_one_bandwidth(cls, percent: float | None, info: ValidationInfo) -> float | None:
+        if percent is not None and info.data.get("bandwidth_hz") is not None:
+            raise PydanticCustomError("bandwidth", "expected one of bandwidth_hz and bandwidth_percent")
+        return percent
+
 
 class WaveformsQuery(FrameQuery, AnalysisQuery):
     """Parameters of the waveforms of single orders."""
@@ -394,6 +415,7 @@ class WaveformsQuery(FrameQuery, AnalysisQuery):
     orders: Annotated[
         str,
         Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
+        require_distinct_orders,
     ] = "1,2"
     bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=MIN_BANDWIDTH, le=1000)] = 4.0
     revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4

@@ -30,6 +30,8 @@ TRANSIENT: Final = frozenset(
 """Transient problems, sent with `Retry-After`."""
 
 
+logger = logging.getLogger(__name__)
+
 JobHint: TypeAlias = dict[str, Any]
 
 
@@ -158,7 +160,10 @@ async def _handle_problem(request: Request, error: ProblemError) -> Response:
 
 
 async def _handle_recording_error(request: Request, error: RecordingError) -> Response:
-    return problem_response(recording_problem(error), str(error), request.url.path)
+    problem_type = recording_problem(error)
+    if problem_type is ProblemType.INTERNAL_ERROR:
+        logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return problem_response(problem_type, str(error), request.url.path)
 
 
 async def _handle_validation_error(request: Request, error: RequestValidationError) -> Response:
@@ -202,9 +207,6 @@ def _allowed_methods(request: Request) -> list[str]:
         for method in HTTP_METHODS
         if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in request.app.routes)
     )
-
-
-logger = logging.getLogger(__name__)
 
 
 class UnhandledErrorMiddleware:

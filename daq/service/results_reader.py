@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
-from daq.errors import RigError
+from daq.errors import ConfigError
 from daq.reports.errors import (
     ArrowUnavailableError,
     DataNotFoundError,
@@ -29,6 +29,7 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
 from daq.service.worker_pool import TIME_LIMIT, WorkerPool, WorkerStoppedError, WorkerTimeoutError
+from model.errors import ModelError
 from model.prediction.prediction import Prediction
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.incoming_run import require_sound
@@ -44,7 +45,7 @@ class PredictionProvider(Protocol):
     """Source of the model's predictions for a run's rig."""
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s; None if not computed yet, ValueError outside its range."""
+        """Return the prediction at a speed, rad/s; None if not computed yet, ModelError outside its range."""
         ...
 
 
@@ -152,7 +153,7 @@ class ResultsReader:
             )
         try:
             prediction = self._models.prediction_for(run.header, speed)
-        except (ValueError, RigError) as error:  # outside the model's speed range, or a rig without a model
+        except (ModelError, ConfigError) as error:  # outside the map's speeds, or a rig without a model
             raise ProblemError(ProblemType.NO_DATA, str(error)) from error
         if prediction is None:
             raise ProblemError(ProblemType.MODEL_NOT_READY, "the model's map of this rig is being computed")

@@ -5,8 +5,9 @@ import pickle
 import queue
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from enum import Enum
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
@@ -62,22 +63,29 @@ class WorkerProcess:
         """
         pipe = self._ensure_started()
         end_time = time.monotonic() + time_limit
-        try:
+        with self._stopped_on_pipe_errors():
             pipe.send((function, arguments, on_progress is not None))
-            while True:
+        while True:
+            with self._stopped_on_pipe_errors():
                 self._wait_for_message(pipe, end_time, time_limit)
                 message_type, content = self._receive(pipe)
-                if message_type is not _MessageType.PROGRESS:
-                    break
-                if on_progress is not None:
-                    on_progress(content)
-        except (OSError, EOFError) as error:
-            self.stop()
-            raise WorkerStoppedError(f"the worker process died: {error}") from error
+            if message_type is not _MessageType.PROGRESS:
+                break
+            if on_progress is not None:
+                on_progress(content)
         if message_type is _MessageType.FAILED:
             raise content
         done: ResultT = content
         return done
+
+    @contextmanager
+    def _stopped_on_pipe_errors(self) -> Iterator[None]:
+        """Stop the process and raise WorkerStoppedError where the pipe to it fails."""
+        try:
+            yield
+        except (OSError, EOFError) as error:
+            self.stop()
+            raise WorkerStoppedError(f"the worker process died: {error}") from error
 
     def _wait_for_message(self, pipe: Connection, end_time: float, time_limit: float) -> None:
         """Wait until a message arrives."""
@@ -218,17 +226,22 @@ def _run_worker(pipe: Connection) -> None:
         try:
             message = (_MessageType.DONE, function(*((report_progress,) if reports_progress else ()), *arguments))
         except Exception as error:  # noqa: BLE001 - re-raised in the calling process
-            message = (_MessageType.FAILED, _picklable(error))
+            message = (_MessageType.FAILED, _picklable_with_traceback(error))
         try:
             pipe.send(message)
         except (EOFError, OSError):
             return
 
 
-def _picklable(error: Exception) -> Exception:
-    """Return an error, or a RuntimeError with its text if it cannot be pickled."""
+def _picklable_with_traceback(error: Exception) -> Exception:
+    """Return an error, or a RuntimeError with its text if it cannot be pickled; a note holds the traceback.
+
+    Pickling drops the traceback, without which the log of a defect does not show where it is.
+    """
+    lines = "".join(traceback.format_exception(error))
     try:
         pickle.loads(pickle.dumps(error))  # noqa: S301 - pickled in the same line
     except Exception:  # noqa: BLE001 - pickling errors of foreign exceptions are of any type
-        return RuntimeError(f"{type(error).__name__}: {error}")
+        error = RuntimeError(f"{type(error).__name__}: {error}")
+    error.add_note(f"In the worker process:\n{lines}")
     return error

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.dynamics.state import NO_LEVEL
-from model.errors import WallContactError
+from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
@@ -264,4 +264,4 @@ class ShaftMotion:
 
 def _require_speed(speed: float) -> None:
     if not (math.isfinite(speed) and speed >= 0):
-        raise ValueError(f"speed: {speed:g} rad/s, expected a finite value, 0 or more")
+        raise ParameterError(f"speed: {speed:g} rad/s, expected a finite value, 0 or more")

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from model.errors import ParameterError
 from model.linear.linear_system import LinearSystem, WhirlModes, undamped_isotropic_states, whirl_modes
 
 FloatArray = NDArray[np.float64]
@@ -66,17 +67,17 @@ def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branche
 
     Raises
     ------
-    ValueError
+    ParameterError
         If there are no speeds, they do not rise, or there are fewer branches.
     """
     wanted = np.asarray(speeds, np.float64)
     if wanted.size == 0 or np.any(np.diff(wanted) <= 0):
-        raise ValueError(f"speeds: {wanted}, rad/s, expected one or more, rising")
+        raise ParameterError(f"speeds: {wanted}, rad/s, expected one or more, rising")
     frequencies, growth_rates, vectors = _spectra(system, wanted)
     maximum = frequencies[0].size
     count = maximum if branches is None else branches
     if not 1 <= count <= maximum:
-        raise ValueError(f"branches: {count}, expected 1 to {maximum}")
+        raise ParameterError(f"branches: {count}, expected 1 to {maximum}")
     tracked = np.full((2, count, wanted.size), np.nan)
     here: IntArray = np.arange(count)
     alive: IntArray = np.arange(count)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 
+from model.errors import ParameterError
 from model.linear.linear_system import EQUALITY_TOLERANCE, LinearSystem, forward_share, linear_system
 from model.linear.modes import CriticalSpeeds
 from model.rotor.rotor import Rotor, require_positive
@@ -50,7 +51,7 @@ def system_critical_speeds(system: LinearSystem, highest: float) -> CriticalSpee
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the supports leave the rotor free to move.
     """
     require_positive("highest", highest, "rad/s")
@@ -90,7 +91,7 @@ def critical_speed_map(
     """
     wanted = np.asarray(stiffnesses, np.float64)
     if wanted.ndim != 1 or wanted.size == 0:
-        raise ValueError(f"stiffnesses: {wanted}, N/m, expected a list of one or more")
+        raise ParameterError(f"stiffnesses: {wanted}, N/m, expected a list of one or more")
     places = rotor.journal_stations if stations is None else stations
     forward, reverse = [], []
     for stiffness in wanted:
@@ -106,7 +107,9 @@ def _speeds(inertia: FloatArray | ComplexArray, stiffness: FloatArray) -> tuple[
     try:
         values, columns = eigh(inertia, stiffness)
     except LinAlgError as error:
-        raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it") from error
+        raise ParameterError(
+            "supports: they leave the rotor free to move, expected a stiffness that holds it"
+        ) from error
     inverse_squares, vectors = np.asarray(values, np.float64), np.asarray(columns, np.complex128)
     real = inverse_squares > 0  # a negative effective inertia, as of a thin disc, has no critical speed
     return 1 / np.sqrt(inverse_squares[real][::-1]), vectors[:, real][:, ::-1]

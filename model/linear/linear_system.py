@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ParameterError
 from model.rotor.rotor import Rotor
 from model.rotor.supports import Support
 
@@ -94,7 +95,7 @@ class WhirlModes:
 
 
 def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
-    """Return the system of a rotor on supports; ValueError if a support is at no station."""
+    """Return the system of a rotor on supports; ParameterError if a support is at no station."""
     n_dofs = 2 * rotor.stations
     rings = [support for support in supports if support.outer is not None]
     n = n_dofs + len(rings)
@@ -109,7 +110,7 @@ def linear_system(rotor: Rotor, supports: Sequence[Support]) -> LinearSystem:
     damping = np.zeros((2 * n, 2 * n))
     for support in supports:
         if not 1 <= support.station <= rotor.stations:
-            raise ValueError(f"support: station {support.station}, expected 1 to {rotor.stations}")
+            raise ParameterError(f"support: station {support.station}, expected 1 to {rotor.stations}")
         between = np.zeros(n)
         between[rotor.displacement(support.station)] = 1
         if support.outer is not None:
@@ -134,7 +135,7 @@ def whirl_modes(system: LinearSystem, speeds: Sequence[float] | FloatArray) -> l
     """Return the whirl modes at each speed, rad/s, without overdamped ones."""
     wanted = np.asarray(speeds, np.float64)
     if wanted.ndim != 1 or not np.isfinite(wanted).all():
-        raise ValueError(f"speeds: {wanted}, rad/s, expected a list of finite values")
+        raise ParameterError(f"speeds: {wanted}, rad/s, expected a list of finite values")
     if system.is_undamped_isotropic:
         return _undamped_isotropic_modes(system, wanted)
     return [_general_modes(system, float(speed)) for speed in wanted]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from model.errors import ParameterError
 from model.rotor.rotor import Rotor, require_positive
 
 FloatArray = NDArray[np.float64]
@@ -59,7 +60,7 @@ def free_modes(rotor: Rotor, count: int | None = None) -> FreeModes:
     n_dofs = 2 * rotor.stations
     count = n_dofs if count is None else count
     if not 2 <= count <= n_dofs:
-        raise ValueError(f"count: {count} modes, expected 2 to {n_dofs}")
+        raise ParameterError(f"count: {count} modes, expected 2 to {n_dofs}")
     squares, shapes = eigh(rotor.stiffness_matrix(), rotor.mass_matrix())
     squares[:2] = 0.0  # two rigid-body modes: eigh leaves rounding errors
     shapes[:, :2] = _rigid_shapes(rotor)

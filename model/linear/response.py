@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ParameterError
 from model.linear.linear_system import LinearSystem
 from model.rotor.parameters import Imbalance
 from model.rotor.supports import StaticLoad
@@ -34,7 +35,7 @@ def imbalance_response(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If an imbalance is at no station, or a speed is an undamped critical speed.
     """
     n = system.coordinates
@@ -52,7 +53,7 @@ def imbalance_response(
     try:
         vectors = np.linalg.solve(dynamic, (squares[:, 0] * excitation)[..., None])[..., 0]
     except np.linalg.LinAlgError as error:
-        raise ValueError("speeds: one is a critical speed without damping, expected others, rad/s") from error
+        raise ParameterError("speeds: one is a critical speed without damping, expected others, rad/s") from error
     return np.asarray(system.displacements(vectors), np.complex128)
 
 
@@ -75,7 +76,7 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a load is at no station or the supports leave the rotor free to move.
     """
     n = system.coordinates
@@ -88,11 +89,11 @@ def static_deflection(system: LinearSystem, loads: Sequence[StaticLoad] = (), gr
         force[dof] += load.x
         force[n + dof] += load.y
     if not system.is_fully_supported:
-        raise ValueError("supports: they leave the rotor free to move, expected a stiffness that holds it")
+        raise ParameterError("supports: they leave the rotor free to move, expected a stiffness that holds it")
     return np.asarray(system.displacements(np.linalg.solve(system.stiffness, force)), np.float64)
 
 
 def _displacement_dof(system: LinearSystem, station: int, name: str) -> int:
     if not 1 <= station <= system.stations:
-        raise ValueError(f"{name}: station {station}, expected 1 to {system.stations}")
+        raise ParameterError(f"{name}: station {station}, expected 1 to {system.stations}")
     return 2 * (station - 1)

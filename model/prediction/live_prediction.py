@@ -42,7 +42,7 @@ def predict(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the speed is outside the map.
     WallContactError
         If the motion reaches a wall.

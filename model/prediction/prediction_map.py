@@ -18,7 +18,7 @@ from analysis.spectra.order_spectrum import order_spectrum, order_vectors
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
-from model.errors import ModelError
+from model.errors import ModelError, ParameterError
 from model.prediction.prediction import Prediction
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
@@ -108,12 +108,12 @@ class PredictionMap:
 
         Raises
         ------
-        ValueError
+        ParameterError
             If the speed is outside the map.
         """
         lowest, highest = float(self.speeds[0]), float(self.speeds[-1])
         if not lowest <= speed <= highest:
-            raise ValueError(f"speed: {speed:g} rad/s, expected {lowest:g} to {highest:g} rad/s, the map's range")
+            raise ParameterError(f"speed: {speed:g} rad/s, expected {lowest:g} to {highest:g} rad/s, the map's range")
         above = max(int(np.searchsorted(self.speeds, speed)), 1)
         below = above - 1
         part = (speed - self.speeds[below]) / (self.speeds[above] - self.speeds[below])
@@ -154,7 +154,7 @@ def default_map_speeds(highest: float) -> FloatArray:
     rpm = 2 * math.pi / 60
     lowest = 500 * rpm
     if not (math.isfinite(highest) and highest > lowest):
-        raise ValueError(f"highest: {highest:g} rad/s, expected more than {lowest:g} rad/s")
+        raise ParameterError(f"highest: {highest:g} rad/s, expected more than {lowest:g} rad/s")
     steps = max(1, math.ceil((highest - lowest) / (250 * rpm) - 1e-9))
     return np.linspace(lowest, highest, steps + 1)
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from model.errors import ParameterError
 from model.rotor.rotor import Rotor, require_positive
 from model.rotor.rub import Rub
 from model.rotor.supports import StaticLoad, Support
@@ -33,7 +34,7 @@ class FloatingRing:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a size is not positive, the ring has no wall, or a film is thicker than a tenth of the journal radius.
     """
 
@@ -52,15 +53,15 @@ class FloatingRing:
         for name, unit in units.items():
             require_positive(name, getattr(self, name), unit)
         if not math.isfinite(self.static_load):
-            raise ValueError(f"static_load: {self.static_load:g} N, expected a finite value")
+            raise ParameterError(f"static_load: {self.static_load:g} N, expected a finite value")
         if self.ring_outer_radius <= self.ring_inner_radius:
-            raise ValueError(
+            raise ParameterError(
                 f"ring_outer_radius: {self.ring_outer_radius:g} m, expected more than the ring's inner radius "
                 f"{self.ring_inner_radius:g} m (journal radius plus inner clearance)"
             )
         for name, clearance in (("inner_clearance", self.inner_clearance), ("outer_clearance", self.outer_clearance)):
             if clearance > 0.1 * self.journal_radius:
-                raise ValueError(
+                raise ParameterError(
                     f"{name}: {clearance:g} m, expected a thin film, at most a tenth of the journal's radius"
                 )
 
@@ -101,13 +102,13 @@ class Imbalance:
     phase: float = 0.0
 
     def require_below(self, maximum: float, reason: str) -> None:
-        """Raise ValueError unless the imbalance is finite and at most ``maximum``, kg m."""
+        """Raise ParameterError unless the imbalance is finite and at most ``maximum``, kg m."""
         if not (math.isfinite(self.magnitude) and self.magnitude >= 0):
-            raise ValueError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
+            raise ParameterError(f"imbalance: {self.magnitude:g} kg m, expected a finite value, 0 or more")
         if not math.isfinite(self.phase):
-            raise ValueError(f"imbalance: phase {self.phase} rad, expected a finite angle")
+            raise ParameterError(f"imbalance: phase {self.phase} rad, expected a finite angle")
         if self.magnitude > maximum:
-            raise ValueError(
+            raise ParameterError(
                 f"imbalance: {self.magnitude:g} kg m at station {self.station}, expected at most {maximum:g} kg m "
                 f"{reason}"
             )
@@ -141,7 +142,7 @@ class ModelParameters:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a station does not exist, gravity is negative, a bearing has no journals, or an imbalance is larger than the
         rotor mass times the bearing clearance: rotating about its centre of mass, the rotor would not fit into the
         bearing.
@@ -160,12 +161,12 @@ class ModelParameters:
     def __post_init__(self) -> None:
         last = self.rotor.stations
         if not 1 <= self.probe_station <= last:
-            raise ValueError(f"probe_station: {self.probe_station}, expected 1 to {last}")
+            raise ParameterError(f"probe_station: {self.probe_station}, expected 1 to {last}")
         if not (math.isfinite(self.gravity) and self.gravity >= 0):
-            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+            raise ParameterError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
         for angle in self.probe_angles:
             if not math.isfinite(angle):
-                raise ValueError(f"probe_angles: {angle} rad, expected finite angles")
+                raise ParameterError(f"probe_angles: {angle} rad, expected finite angles")
         placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support | Rub, ...]], ...] = (
             ("imbalance", self.imbalances),
             ("load", self.loads),
@@ -175,7 +176,7 @@ class ModelParameters:
         for name, things in placed:
             for thing in things:
                 if not 1 <= thing.station <= last:
-                    raise ValueError(f"{name}: station {thing.station}, expected 1 to {last}")
+                    raise ParameterError(f"{name}: station {thing.station}, expected 1 to {last}")
         maximum, reason = math.inf, ""
         if self.bearing is not None:
             maximum = self.rotor.mass * self.bearing.clearance
@@ -186,9 +187,9 @@ class ModelParameters:
 
     @property
     def floating_ring(self) -> FloatingRing:
-        """The bearings of a rotor on oil films; ValueError if it has none."""
+        """The bearings of a rotor on oil films; ParameterError if it has none."""
         if self.bearing is None:
-            raise ValueError("bearing: none, expected a rotor on oil films, with [bearing] in its file")
+            raise ParameterError("bearing: none, expected a rotor on oil films, with [bearing] in its file")
         return self.bearing
 
     @property

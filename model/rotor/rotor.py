@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ParameterError
 from model.rotor.beam import (
     area,
     mass_element,
@@ -61,7 +62,7 @@ class Segment:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a size is not positive, the shaft has no wall, or Poisson's ratio is not between 0 and 0.5.
     """
 
@@ -77,11 +78,11 @@ class Segment:
         require_positive("radius", self.radius, "m")
         require_positive("youngs_modulus", self.youngs_modulus, "Pa")
         if not 0 <= self.inner_radius < self.radius:
-            raise ValueError(f"inner_radius: {self.inner_radius:g} m, expected 0 to less than {self.radius:g} m")
+            raise ParameterError(f"inner_radius: {self.inner_radius:g} m, expected 0 to less than {self.radius:g} m")
         if not (math.isfinite(self.density) and self.density >= 0):
-            raise ValueError(f"density: {self.density:g} kg/m³, expected a finite value, 0 or more")
+            raise ParameterError(f"density: {self.density:g} kg/m³, expected a finite value, 0 or more")
         if not 0 <= self.poissons_ratio <= 0.5:
-            raise ValueError(f"poissons_ratio: {self.poissons_ratio:g}, expected 0 to 0.5")
+            raise ParameterError(f"poissons_ratio: {self.poissons_ratio:g}, expected 0 to 0.5")
 
     @property
     def bending_stiffness(self) -> float:
@@ -122,7 +123,7 @@ class Disc:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a size is not positive.
     """
 
@@ -156,7 +157,7 @@ class Rotor:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If there is no segment, a disc or journal is at no station, the bearing stations are not two different stations
         in rising order, or a station has no mass.
     """
@@ -169,15 +170,15 @@ class Rotor:
 
     def __post_init__(self) -> None:
         if not self.segments:
-            raise ValueError("segments: none, expected one or more: a rotor has two stations or more")
+            raise ParameterError("segments: none, expected one or more: a rotor has two stations or more")
         n = self.stations
         for disc in self.discs:
             if not 1 <= disc.station <= n:
-                raise ValueError(f"disc: station {disc.station}, expected 1 to {n}")
+                raise ParameterError(f"disc: station {disc.station}, expected 1 to {n}")
         if self.bearing_stations:
             first, second = self.journal_stations
             if not 1 <= first < second <= n:
-                raise ValueError(
+                raise ParameterError(
                     f"bearing_stations: {self.bearing_stations}, expected two different stations from 1 to {n}, "
                     "in rising order"
                 )
@@ -185,11 +186,13 @@ class Rotor:
         if self.shaft_mass is not ShaftMass.NONE:
             for number, segment in enumerate(self.segments, 1):
                 if segment.density == 0:
-                    raise ValueError(
+                    raise ParameterError(
                         f"density: 0 kg/m³ in segment {number}, expected above 0 with shaft_mass {self.shaft_mass}"
                     )
         elif missing := sorted(set(range(1, n + 1)) - with_disc):
-            raise ValueError(f"disc: none at station {missing[0]}, expected one at every station with shaft_mass none")
+            raise ParameterError(
+                f"disc: none at station {missing[0]}, expected one at every station with shaft_mass none"
+            )
 
     @property
     def stations(self) -> int:
@@ -211,7 +214,7 @@ class Rotor:
 
     @property
     def journal_stations(self) -> tuple[int, int]:
-        """Stations of the two journals; ValueError if there are none."""
+        """Stations of the two journals; ParameterError if there are none."""
         self.require_journals()
         first, second = self.bearing_stations
         return first, second
@@ -228,21 +231,21 @@ class Rotor:
         return np.tile([1.0, 0.0], self.stations)
 
     def require_journals(self) -> None:
-        """Raise ValueError unless there are two journals."""
+        """Raise ParameterError unless there are two journals."""
         if len(self.bearing_stations) != 2:
             count = len(self.bearing_stations) or "none"
-            raise ValueError(f"journal: {count}, expected two stations for bearings or springs")
+            raise ParameterError(f"journal: {count}, expected two stations for bearings or springs")
 
     def displacement(self, station: int) -> int:
         """Return the degree of freedom (counted from 0) of the displacement of a station (counted from 1)."""
         if not 1 <= station <= self.stations:
-            raise ValueError(f"station: {station}, expected 1 to {self.stations}")
+            raise ParameterError(f"station: {station}, expected 1 to {self.stations}")
         return 2 * (station - 1)
 
     def radius(self, station: int) -> float:
         """Return the shaft radius at a station (counted from 1), the larger of both adjacent segments, m."""
         if not 1 <= station <= self.stations:
-            raise ValueError(f"station: {station}, expected 1 to {self.stations}")
+            raise ParameterError(f"station: {station}, expected 1 to {self.stations}")
         return max(segment.radius for segment in self.segments[max(station - 2, 0) : station])
 
     def mass_matrix(self) -> FloatArray:
@@ -299,12 +302,12 @@ class Rotor:
 
 
 def require_positive(name: str, value: float, unit: str) -> None:
-    """Raise ValueError with name, value and unit unless the value is finite and above 0."""
+    """Raise ParameterError with name, value and unit unless the value is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{name}: {value:g} {unit}, expected a finite value above 0")
+        raise ParameterError(f"{name}: {value:g} {unit}, expected a finite value above 0")
 
 
 def require_rising(speeds: FloatArray) -> None:
-    """Raise ValueError unless there are two or more speeds, rad/s, above 0 and rising."""
+    """Raise ParameterError unless there are two or more speeds, rad/s, above 0 and rising."""
     if speeds.ndim != 1 or speeds.size < 2 or not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
-        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")
+        raise ParameterError(f"speeds: {speeds}, rad/s, expected two or more, rising, above 0")

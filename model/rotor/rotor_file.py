@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
+from model.errors import ParameterError
 from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.rub import Rub
@@ -40,7 +41,7 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
     Raises
     ------
     TableError
-        A ValueError with all faults: unknown keys (with the closest match) and units, missing quantities, sizes that
+        All faults: unknown keys (with the closest match) and units, missing quantities, sizes that
         are not above 0, stations out of order, supports, walls, discs or imbalances at no station, an imbalance
         beyond the clearance.
     """
@@ -76,19 +77,19 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
             supports=tuple(one for one in supports if one is not None),
             rubs=tuple(one for one in rubs if one is not None),
         )
-    except ValueError as error:
+    except ParameterError as error:
         raise TableError([str(error)]) from error
 
 
 def _build(table: Table, faults: list[str], make: Callable[[], T]) -> T | None:
-    """Return the object built from a table; None if the table has faults. A ValueError becomes a fault."""
+    """Return the object built from a table; None if the table has faults. A ParameterError becomes a fault."""
     before = len(faults)
     table.report_unknown_keys()
     if len(faults) > before:
         return None
     try:
         return make()
-    except ValueError as error:
+    except ParameterError as error:
         table.fault(str(error))
         return None
 
@@ -112,7 +113,7 @@ def _rotor(root: Table, faults: list[str]) -> Rotor | None:
             shaft_mass=shaft_mass,
             beam=beam,
         )
-    except ValueError as error:
+    except ParameterError as error:
         root.fault(str(error))
         return None
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ParameterError
 from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Rub:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If stiffness, radius or clearance is not positive or friction or damping is negative.
     """
 
@@ -53,7 +54,7 @@ class Rub:
         require_positive("radius", self.radius, "m")
         for name, value, unit in (("friction", self.friction, ""), ("damping", self.damping, " s/m")):
             if not (math.isfinite(value) and value >= 0):
-                raise ValueError(f"{name}: {value:g}{unit}, expected a finite value, 0 or more")
+                raise ParameterError(f"{name}: {value:g}{unit}, expected a finite value, 0 or more")
 
     @property
     def sizes(self) -> FloatArray:

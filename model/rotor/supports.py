@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import ParameterError
 from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +28,7 @@ class SupportCoefficients:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a value is not finite or a matrix is not 2 by 2.
     """
 
@@ -40,7 +41,7 @@ class SupportCoefficients:
                 raise ValueError(f"{name}: {matrix} {unit}, expected two rows of two values")
             for value in (*matrix[0], *matrix[1]):
                 if not math.isfinite(value):
-                    raise ValueError(f"{name}: {value:g} {unit}, expected finite values")
+                    raise ParameterError(f"{name}: {value:g} {unit}, expected finite values")
 
     @classmethod
     def isotropic(cls, stiffness: float, damping: float = 0.0) -> "SupportCoefficients":
@@ -72,7 +73,7 @@ class Support:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a ring has no mass or a mass is given without ``outer``.
     """
 
@@ -85,7 +86,7 @@ class Support:
         if self.outer is not None:
             require_positive("ring_mass", self.ring_mass, "kg")
         elif self.ring_mass != 0:
-            raise ValueError(f"ring_mass: {self.ring_mass:g} kg, expected none without outer coefficients")
+            raise ParameterError(f"ring_mass: {self.ring_mass:g} kg, expected none without outer coefficients")
 
     @property
     def is_undamped_isotropic(self) -> bool:
@@ -112,7 +113,7 @@ class StaticLoad:
     def __post_init__(self) -> None:
         for value in (self.x, self.y):
             if not math.isfinite(value):
-                raise ValueError(f"load: {value:g} N at station {self.station}, expected a finite value")
+                raise ParameterError(f"load: {value:g} N at station {self.station}, expected a finite value")
 
 
 def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency: float) -> float:
@@ -134,10 +135,10 @@ def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency
 
     Raises
     ------
-    ValueError
+    ParameterError
         At the resonance of the ring, where the stiffness is infinite.
     """
     through = outer - ring_mass * frequency**2
     if inner + through == 0:
-        raise ValueError(f"frequency: {frequency:g} rad/s, expected another than the ring's own resonance")
+        raise ParameterError(f"frequency: {frequency:g} rad/s, expected another than the ring's own resonance")
     return inner * through / (inner + through)  # Eq. (5.11)

@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from model.errors import ParameterError
+
 DIMENSIONS: Final[dict[str, dict[str, float]]] = {
     "length": {"mm": 1e-3, "m": 1.0, "um": 1e-6},
     "radius": {"mm": 1e-3, "m": 1.0, "um": 1e-6},
@@ -44,7 +46,7 @@ MAX_NUMBER: Final = 1e300
 Limit = str  # "positive", "not negative" or "any"
 
 
-class TableError(ValueError):
+class TableError(ParameterError):
     """A table has faults.
 
     Parameters

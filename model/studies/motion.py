@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.spectra.order_spectrum import order_spectrum
+from model.errors import ParameterError
 from model.rotor.parameters import ModelParameters
 from model.studies.run_up import MIN_AMPLITUDE, SUB_SYNCHRONOUS
 from model.studies.stepped_motion import STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
@@ -56,13 +57,13 @@ def motion_study(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If speed or station are invalid.
     WallContactError
         If the motion reaches a wall.
     """
     if not (np.isfinite(speed) and speed > 0):
-        raise ValueError(f"speed: {speed:g} rad/s, expected a finite value above 0")
+        raise ParameterError(f"speed: {speed:g} rad/s, expected a finite value above 0")
     if station is not None:
         parameters = replace(parameters, probe_station=station)
     station = parameters.probe_station

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.whirl import FilmName
-from model.errors import WallContactError
+from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
 from model.studies.linear import SPEED_LABEL
 from model.studies.stepped_motion import MAX_GROWTH_TURNS, STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
@@ -192,7 +192,7 @@ def run_up(
     """
     speeds = np.asarray(speeds, np.float64)
     if speeds.ndim != 1 or speeds.size < 2 or not np.all(speeds > 0):
-        raise ValueError(f"speeds: {speeds}, rad/s, expected two or more above 0")
+        raise ParameterError(f"speeds: {speeds}, rad/s, expected two or more above 0")
     if station is not None:
         parameters = replace(parameters, probe_station=station)
     empty = order_spectrum(np.zeros(turns * STEPS_PER_TURN), turns)[0]

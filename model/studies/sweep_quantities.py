@@ -11,7 +11,7 @@ import numpy as np
 
 from model.dynamics.synchronous import synchronous_response
 from model.dynamics.whirl import FilmName
-from model.errors import ModelError
+from model.errors import ModelError, ParameterError
 from model.linear.modes import critical_speeds
 from model.prediction.prediction_map import MODEL_VERSION
 from model.rotor.parameters import ModelParameters
@@ -105,7 +105,7 @@ def compute_point(point: SweepPoint) -> SweepResult:
         changed = {name: value for name, value in values.items() if name not in quantity.options}
         parameters = with_values(point.parameters, changed)
         return SweepResult(point.key(), quantity.compute(parameters, options))
-    except (ModelError, ValueError) as error:
+    except ModelError as error:
         return SweepResult(point.key(), (math.nan,) * len(quantity.results), str(error))
 
 
@@ -119,13 +119,13 @@ def variable_names(quantity: str, parameters: ModelParameters) -> tuple[str, ...
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the quantity is unknown, or it needs oil films or two bearings and the rotor has none.
     """
     if quantity not in QUANTITIES:
-        raise ValueError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
+        raise ParameterError(f"quantity: {quantity}, expected one of {', '.join(QUANTITIES)}")
     if QUANTITIES[quantity].needs_films and parameters.bearing is None:
-        raise ValueError(f"quantity: {quantity} needs oil films, expected a rotor with [bearing]")
+        raise ParameterError(f"quantity: {quantity} needs oil films, expected a rotor with [bearing]")
     parameters.rotor.require_journals()
     return (*PARAMETER_SETTERS, *QUANTITIES[quantity].options)
 

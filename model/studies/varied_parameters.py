@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
+from model.errors import ParameterError
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.rub import Rub
 from model.rotor.supports import SupportCoefficients
@@ -23,7 +24,7 @@ def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], Mo
 def _ring_ratio(parameters: ModelParameters, value: float) -> ModelParameters:
     """Set the outer ring radius that gives this ratio of ring to shaft speed, eq. (3.25)."""
     if not 0 < value < 1:
-        raise ValueError(f"ring_speed_ratio: {value:g}, expected more than 0 and less than 1")
+        raise ParameterError(f"ring_speed_ratio: {value:g}, expected more than 0 and less than 1")
     bearing = parameters.floating_ring
     cubed = (1 / value - 1) * bearing.journal_radius**3 * bearing.outer_clearance / bearing.inner_clearance
     return replace(parameters, bearing=replace(bearing, ring_outer_radius=cubed ** (1 / 3)))
@@ -42,7 +43,7 @@ def _phase(parameters: ModelParameters, value: float) -> ModelParameters:
 def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, float], ModelParameters]:
     def change(parameters: ModelParameters, value: float) -> ModelParameters:
         if not parameters.rubs:
-            raise ValueError(f"rub: none, expected a rotor with [[rub]] to set {value:g}")
+            raise ParameterError(f"rub: none, expected a rotor with [[rub]] to set {value:g}")
         first, *others = parameters.rubs
         return replace(parameters, rubs=(changed(first, value), *others))
 
@@ -52,7 +53,7 @@ def _rub(changed: Callable[[Rub, float], Rub]) -> Callable[[ModelParameters, flo
 def _support(parameters: ModelParameters, value: float) -> ModelParameters:
     """Set an isotropic stiffness of the first support; its damping is unchanged."""
     if not parameters.supports:
-        raise ValueError(f"support: none, expected a rotor with [[support]] to set {value:g} N/m")
+        raise ParameterError(f"support: none, expected a rotor with [[support]] to set {value:g} N/m")
     first, *others = parameters.supports
     inner = replace(SupportCoefficients.isotropic(value), damping=first.inner.damping)
     return replace(parameters, supports=(replace(first, inner=inner), *others))
@@ -60,7 +61,7 @@ def _support(parameters: ModelParameters, value: float) -> ModelParameters:
 
 def _station(parameters: ModelParameters, value: float) -> ModelParameters:
     if value != int(value):
-        raise ValueError(f"imbalance_station: {value:g}, expected a whole number")
+        raise ParameterError(f"imbalance_station: {value:g}, expected a whole number")
     first, *others = parameters.imbalances or (Imbalance(1, 0.0),)
     return replace(parameters, imbalances=(replace(first, station=int(value)), *others))
 
@@ -99,12 +100,12 @@ def with_values(parameters: ModelParameters, values: Mapping[str, float]) -> Mod
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a name is unknown or a value is invalid.
     """
     for name in values:
         if name not in PARAMETER_SETTERS:
-            raise ValueError(f"{name}: unknown, expected one of {', '.join(PARAMETER_SETTERS)}")
+            raise ParameterError(f"{name}: unknown, expected one of {', '.join(PARAMETER_SETTERS)}")
     for name, change in PARAMETER_SETTERS.items():
         if name in values:
             parameters = change(parameters, values[name])

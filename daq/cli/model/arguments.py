@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from daq.config.loader import load_rig
 from daq.config.rotor import model_parameters, parameters_from_tables, read_rotor
 from daq.errors import ConfigError, RigError, UsageError
-from model.errors import ModelError
+from model.errors import ModelError, ParameterError
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.rotor.tables import TableError
@@ -47,7 +47,7 @@ def model_errors() -> Iterator[None]:
     """Convert errors of the model to errors of the command line."""
     try:
         yield
-    except ValueError as error:
+    except ParameterError as error:
         raise UsageError(str(error)) from error
     except ModelError as error:
         raise RigError(str(error)) from error

@@ -70,20 +70,20 @@ def result_job(report: ReportProgress, target: Path, path: Path, requested_path:
     """Write the result of a run that the REST path ``requested_path`` returns."""
     history = read_history(path, fraction_reporter(report, "reading"))
     report(Progress("putting together"))
-    _write_json(target, result_schema(path, requested_path, query, history))
+    write_json(target, result_schema(path, requested_path, query, history))
 
 
 def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, query: AnalysisQuery) -> None:
     """Write an analysis of a run's samples, in the format of the target's suffix."""
     run, analysis = run_analysis(path, kind, query, ProgressThrottle(report).report)
     report(Progress("writing"))
-    target.write_bytes(encode_analysis(analysis, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
+    write_result(target, encode_analysis(analysis, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
 
 
 def summary_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
     """Write a run's summary and cache it."""
     summaries = Summaries(location.catalogue(), CachedPredictionMaps())
-    _write_json(target, summaries.summary_with_agreement(run, ProgressThrottle(report).report))
+    write_json(target, summaries.summary_with_agreement(run, ProgressThrottle(report).report))
 
 
 def reanalysis_job(
@@ -91,7 +91,7 @@ def reanalysis_job(
 ) -> None:
     """Write the summary of a run analysed again with corrected calibrations."""
     summaries = Summaries(location.catalogue(), CachedPredictionMaps())
-    _write_json(target, summaries.recalibrated_summary(run, calibrations, ProgressThrottle(report).report))
+    write_json(target, summaries.recalibrated_summary(run, calibrations, ProgressThrottle(report).report))
 
 
 def prediction_job(report: ReportProgress, target: Path, header: RunHeader, changes: Mapping[str, float]) -> None:
@@ -102,7 +102,7 @@ def prediction_job(report: ReportProgress, target: Path, header: RunHeader, chan
     cached_map = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
     prediction_map = cached_map.load_or_compute(lambda done, total: report_fraction(done / total))
     by_speed = tuple(predicted_vibration_schema(prediction_map.at(speed)) for speed in prediction_map.speeds.tolist())
-    _write_json(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
+    write_json(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 
 
 def export_job(
@@ -127,7 +127,7 @@ def verification_job(report: ReportProgress, target: Path, location: CatalogueLo
     catalogue = location.catalogue()
     verification = verify(catalogue.path(run), fraction_reporter(report, "verifying"))
     catalogue.store_verdict(run, verification.verdict.value)
-    _write_json(target, verification_schema(verification))
+    write_json(target, verification_schema(verification))
 
 
 def recovery_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
@@ -140,7 +140,7 @@ def recovery_job(report: ReportProgress, target: Path, location: CatalogueLocati
     temporary = target.with_name(copy.name)
     recovery = recover(catalogue.path(run), temporary)
     move_without_overwriting(temporary, copy)
-    _write_json(target, recovery_schema(replace(recovery, target=copy)))
+    write_json(target, recovery_schema(replace(recovery, target=copy)))
 
 
 def index_job(report: ReportProgress, target: Path, location: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
@@ -148,7 +148,7 @@ def index_job(report: ReportProgress, target: Path, location: CatalogueLocation,
     index_report = location.catalogue().index(
         summarise, verify_files=verifying, on_status=lambda status: report(Progress(status))
     )
-    _write_json(target, index_report_schema(index_report))
+    write_json(target, index_report_schema(index_report))
 
 
 def export_selection(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:
@@ -159,5 +159,14 @@ def export_selection(start: float, stop: float | None, segment: int | None) -> d
 TABLES = {"samples": samples_table, "results": results_table, "pulses": pulses_table}
 
 
-def _write_json(target: Path, schema: Schema) -> None:
-    target.write_text(schema.model_dump_json(), encoding="utf-8")
+def write_json(target: Path, schema: Schema) -> None:
+    """Write a schema as JSON to a job's result file; StorageError if that fails."""
+    write_result(target, schema.model_dump_json().encode())
+
+
+def write_result(target: Path, content: bytes) -> None:
+    """Write a job's result file; StorageError if that fails."""
+    try:
+        target.write_bytes(content)
+    except OSError as error:
+        raise StorageError(f"{target.name}: cannot be written: {error.strerror or error}") from error

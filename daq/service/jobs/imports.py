@@ -9,7 +9,7 @@ from daq.config.rig import Rig
 from daq.config.toml_files import to_toml
 from daq.errors import ConfigError
 from daq.schemas.runs import run_schema
-from daq.service.jobs.execution import fraction_reporter
+from daq.service.jobs.execution import fraction_reporter, write_json
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, Task
 from daq.service.schemas.uploads import ImportRequest, RigFromToml
 from daq.service.uploads import Upload
@@ -44,7 +44,7 @@ def import_job(
         )
     except ForeignFormatError as error:
         raise ForeignFormatError(str(error).replace(str(foreign.path), foreign.name)) from error
-    target.write_text(run_schema(catalogue.run(run)).model_dump_json(), encoding="utf-8")
+    write_json(target, run_schema(catalogue.run(run)))
 
 
 def rig_of_run(header: RunHeader) -> Rig:

@@ -12,11 +12,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self, TypeAlias
 
+from analysis.signals.errors import AnalysisError
 from daq.errors import RigError
-from daq.service.worker_pool import WorkerProcess, WorkerStoppedError
+from daq.service.worker_pool import WorkerProcess
 from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
-from recordings.errors import RecordingError
+from recordings.errors import RecordingError, StorageError
 
 MAX_UNFINISHED_JOBS: Final = 8
 MAX_JOBS: Final = 32
@@ -276,13 +277,13 @@ class JobQueue:
 
         target = self._folder / job.id / job.task.file
         try:
-            target.parent.mkdir(parents=True)
+            _create_folder(target.parent)
             process.run(job.task.work, (target, *job.task.arguments), self._time_limit, on_progress)
-        except (RigError, RecordingError, ModelError, WorkerStoppedError, OSError, ValueError, LookupError) as error:
+        except (RigError, RecordingError, AnalysisError, ModelError) as error:
             self._update(job.id, state=JobState.FAILED, ended=time.time(), error=str(error))
         except Exception as error:  # the next job must run regardless
             logger.exception("job %s (%s) failed", job.id, job.task.description)
-            message = f"{type(error).__name__}; see the service's log"
+            message = f"internal error: {type(error).__name__}; see the service's log"
             self._update(job.id, state=JobState.FAILED, ended=time.time(), error=message)
         else:
             self._update(job.id, state=JobState.DONE, ended=time.time(), progress=Progress("done", 1.0), result=target)
@@ -320,3 +321,11 @@ class JobQueue:
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _create_folder(folder: Path) -> None:
+    """Create the folder of a job's result; StorageError if that fails."""
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise StorageError(f"{folder}: cannot be created: {error.strerror or error}") from error

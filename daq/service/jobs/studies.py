@@ -18,6 +18,7 @@ from daq.schemas.study import (
     StudyRequest,
     study_schema,
 )
+from daq.service.jobs.execution import write_json
 from daq.service.jobs.queue import Progress, ReportProgress, Task
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
@@ -40,7 +41,7 @@ def study_job(report: ReportProgress, target: Path, header: RunHeader | None, re
     """Compute a study and write it as JSON."""
     report(Progress("computing"))
     result = compute_study(_parameters(header), request)
-    target.write_text(study_schema(result).model_dump_json(), encoding="utf-8")
+    write_json(target, study_schema(result))
 
 
 def _parameters(header: RunHeader | None) -> ModelParameters:
@@ -50,7 +51,7 @@ def _parameters(header: RunHeader | None) -> ModelParameters:
 
 
 def compute_study(parameters: ModelParameters, request: StudyRequest) -> Study:
-    """Return the requested study; ValueError or ModelError if it cannot be computed."""
+    """Return the requested study; ModelError if it cannot be computed."""
     match request:
         case ModesRequest():
             return modes_study(parameters, request.stiffness_n_m, request.speed_rad_s, request.count)

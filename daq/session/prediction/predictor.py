@@ -235,7 +235,7 @@ class Predictors:
 
         Raises
         ------
-        ValueError
+        ParameterError
             The speed is outside the map.
         """
         prediction_map = self.for_run(header).map
@@ -278,7 +278,7 @@ def _compute(
                 partial(compute_prediction_map, parameters, speeds, settings),
                 lambda done, total: reports.send(_Progress(done, total)),
             )
-        except (ModelError, ValueError) as error:
+        except ModelError as error:
             reports.send(_Failure(str(error)))
             return
         reports.send(prediction_map.to_arrays())

@@ -169,5 +169,5 @@ def _serve(pipe: Connection) -> None:
 def _next_answer(predictions: Iterator[Prediction]) -> _Answer:
     try:
         return next(predictions, None)
-    except (ModelError, ValueError) as error:
+    except ModelError as error:
         return str(error)

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from daq.errors import UsageError
 from daq.session.sweep.store import SweepStore
 from daq.session.sweep.workers import Workers
 from model.rotor.parameters import ModelParameters
@@ -33,18 +34,20 @@ def grid(
 
     Raises
     ------
-    ValueError
-        A name or the quantity is unknown, the rotor lacks the films for it, or there are too many points.
+    ParameterError
+        The quantity is unknown, or the rotor lacks the films for it.
+    UsageError
+        A name is unknown, or there are too many points.
     """
     names = variable_names(quantity, parameters)
     for name in vary:
         if name not in names:
-            raise ValueError(f"vary {name}: unknown, expected one of {', '.join(names)}")
+            raise UsageError(f"vary {name}: unknown, expected one of {', '.join(names)}")
     count = 1
     for values in vary.values():
         count *= len(values)
     if count > max_points:
-        raise ValueError(f"sweep: {count:,} points, expected at most {max_points:,}")
+        raise UsageError(f"sweep: {count:,} points, expected at most {max_points:,}")
     combinations = itertools.product(*([(name, float(value)) for value in values] for name, values in vary.items()))
     return [SweepPoint(parameters, quantity, combination) for combination in combinations]
 

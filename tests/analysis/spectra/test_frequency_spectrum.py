@@ -7,7 +7,7 @@ import pytest
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
-from analysis.signals.errors import RecordTooShortError
+from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.order_map import Window, order_map
 
@@ -30,8 +30,13 @@ def test_line_amplitude_and_noise_density_are_correct(window: Window) -> None:
 def test_short_waveform_is_refused() -> None:
     with pytest.raises(RecordTooShortError):
         frequency_spectrum(np.zeros(100), RATE)
-    with pytest.raises(ValueError, match="resolution"):
+
+
+def test_resolution_beyond_a_quarter_of_the_rate_is_refused() -> None:
+    with pytest.raises(BandLimitError, match="resolution"):
         frequency_spectrum(np.zeros(100), RATE, resolution=600.0)
+    with pytest.raises(ValueError, match="resolution"):
+        frequency_spectrum(np.zeros(100), RATE, resolution=0.0)
 
 
 def test_synchronous_average_contains_what_repeats(make_angular: Maker) -> None:

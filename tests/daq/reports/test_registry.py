@@ -368,7 +368,11 @@ def test_format_follows_parameter_or_accept_header(bench: RecordedBench) -> None
         ("bode", {"from_s": 60}, 404, "no samples from 60 s"),
         ("slow-roll", {"slow_roll_rpm": 100}, 409, "never turned as slowly as 100 r/min"),
         ("envelopes", {"bandwidth_hz": 0.001}, 409, "bandwidth"),
-        ("envelopes", {"orders": "1,1"}, 409, "all different"),
+        ("envelopes", {"orders": "30,60"}, 409, "order 60"),
+        ("frequency-spectrum", {"resolution_hz": 1000, "duration_s": 0.001}, 409, "expected at least"),
+        ("envelopes", {"orders": "1,1"}, 422, "all different"),
+        ("orbit", {"orders": "0"}, 422, "above 0"),
+        ("envelopes", {"bandwidth_hz": 4, "bandwidth_percent": 4}, 422, "expected one of"),
         ("orbit", {"orders": "one"}, 422, ""),
     ],
 )

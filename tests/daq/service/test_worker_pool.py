@@ -13,6 +13,7 @@ import psutil
 import pytest
 
 from daq.errors import ConfigError, DeviceError, DeviceFault
+from daq.reports.errors import translated_errors
 from daq.service.worker_pool import WorkerPool, WorkerProcess, WorkerStoppedError, WorkerTimeoutError
 from model.rotor.tables import TableError
 from recordings.errors import DamagedError
@@ -91,6 +92,17 @@ def test_error_keeps_its_type_and_text(
     with pytest.raises(error) as raised:
         processes.run(work)
     assert str(raised.value) == words
+
+
+def defective() -> None:
+    with translated_errors("run r"):
+        raise ValueError("a defect")
+
+
+def test_defect_keeps_its_type_and_the_traceback_of_the_worker(processes: WorkerPool) -> None:
+    with pytest.raises(ValueError, match="a defect") as raised:
+        processes.run(defective)
+    assert "in defective" in "".join(raised.value.__notes__)
 
 
 def test_dead_process_is_reported_and_replaced(processes: WorkerPool) -> None:

@@ -15,12 +15,13 @@ from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_sch
 from daq.schemas.units import utc_time
 from daq.service.app import ServiceFeatures, create_app
 from daq.service.jobs.queue import CatalogueLocation, JobQueue
-from daq.service.results_reader import ResultsReader
+from daq.service.results_reader import PredictionProvider, ResultsReader
 from daq.service.routes.live import RunStarter
 from daq.service.server import ServiceServer
 from daq.session.prediction.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
+from model.errors import ParameterError
 from model.prediction.prediction import Prediction
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.markers import MarkerKind
@@ -75,8 +76,15 @@ class ReadyModel:
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
         if speed * 30 / 3.141592653589793 > MAX_MODEL_RPM:
-            raise ValueError(f"speed: {speed:g} rad/s, expected less")
+            raise ParameterError(f"speed: {speed:g} rad/s, expected less")
         return make_prediction(speed, header.settings)
+
+
+class DefectiveModel:
+    """A model with a defect of its own: a ValueError that no request and no recording causes."""
+
+    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
+        raise ValueError(f"secret inside {header.run} at {speed:g}")
 
 
 @dataclass
@@ -103,10 +111,11 @@ def open_recorded_bench(
     run_starter: RunStarter | None = None,
     job_limit: float = 60.0,
     request_limit: float = 60.0,
+    model: PredictionProvider | None = None,
 ) -> RecordedBench:
     """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
-    results = ResultsReader(ReadyModel(), time_limit=request_limit)
+    results = ResultsReader(model or ReadyModel(), time_limit=request_limit)
     run_control = FakeRunControl(live)
     jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
     features = ServiceFeatures(results, run_control, run_starter, catalogue, jobs, origins)

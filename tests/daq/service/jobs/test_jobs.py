@@ -3,7 +3,7 @@
 import io
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,10 @@ from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
 from daq.service.jobs import execution
-from daq.service.jobs.queue import CatalogueLocation, Progress
+from daq.service.jobs.queue import CatalogueLocation, Job, JobQueue, JobState, Progress, ReportProgress, Task
 from daq.service.jobs.schemas import JobSchema
 from daq.session.offline import summarise
+from model.errors import ParameterError
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
@@ -336,3 +337,40 @@ def test_verification_and_export_report_the_completed_fraction(bench: RecordedBe
     for progress in verifying + exporting:
         assert progress.fraction is not None
         assert 0.0 <= progress.fraction <= 1.0
+
+
+def defective_job(report: ReportProgress, target: Path) -> None:
+    report(Progress(f"failing to write {target.name}"))
+    raise ValueError("secret inside")
+
+
+def failing_job(report: ReportProgress, target: Path) -> None:
+    report(Progress(f"failing to write {target.name}"))
+    raise ParameterError("station: 99, expected 1 to 14")
+
+
+def failed_job(folder: Path, work: Callable[..., None]) -> Job:
+    """Run a job to its end."""
+    with JobQueue(CatalogueLocation(folder)) as jobs:
+        job = jobs.submit(Task("test", "a failing job", "", work, (), "result.json"))
+        end_time = time.monotonic() + 60.0
+        while not (job := jobs.job(job.id)).state.is_final:
+            assert time.monotonic() < end_time
+            time.sleep(0.02)
+    assert job.state is JobState.FAILED
+    return job
+
+
+def test_defect_in_a_job_is_an_internal_error_with_a_logged_traceback(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    error = failed_job(tmp_path, defective_job).error
+    assert error.startswith("internal error")
+    assert "secret" not in error
+    assert "secret inside" in caplog.text
+    assert "in defective_job" in caplog.text  # the traceback of the worker process
+
+
+def test_error_of_the_model_in_a_job_is_its_message(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    assert failed_job(tmp_path, failing_job).error == "station: 99, expected 1 to 14"
+    assert not caplog.records

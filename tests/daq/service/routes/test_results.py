@@ -3,6 +3,7 @@
 import gzip
 import io
 from collections.abc import Iterator
+from contextlib import closing
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from daq.session.offline import summarise
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.live_updates import make_live_updates
-from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
+from tests.daq.support.recorded_bench import API, RUN, DefectiveModel, RecordedBench, open_recorded_bench, record_run
 
 RPM = np.pi / 30.0
 PROFILE = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]
@@ -202,6 +203,15 @@ def test_missing_data_is_reported_by_problem_type(
 
 def test_unsupported_accept_header_is_refused(bench: RecordedBench) -> None:
     assert bench.get("/samples", {"Accept": "image/png"}).status_code == 406
+
+
+def test_defect_is_an_internal_error_with_a_logged_traceback(
+    bench: RecordedBench, caplog: pytest.LogCaptureFixture
+) -> None:
+    with closing(open_recorded_bench(bench.folder, model=DefectiveModel())) as defective:
+        assert problem(defective, "/prediction", speed_rpm=6000.0) == (500, "internal-error")
+    assert "secret inside" in caplog.text
+    assert "in prediction_for" in caplog.text  # the traceback
 
 
 def test_comparison_returns_measured_bin_and_prediction(bench: RecordedBench, summary: RunSummary) -> None:

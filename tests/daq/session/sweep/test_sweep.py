@@ -85,7 +85,7 @@ def test_key_depends_on_parameters_and_values_only() -> None:
 
 
 def test_unknown_parameter_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="vary viscosity: unknown, expected one of imbalance_kg_m"):
+    with pytest.raises(UsageError, match="vary viscosity: unknown, expected one of imbalance_kg_m"):
         grid(gj90c(), "response", {"viscosity": [0.01]})
 
 
