@@ -18,6 +18,7 @@ class Finding(StrEnum):
     """Machine-readable reason of a check that did not pass; the advice is for people."""
 
     OPEN = "open"  # nothing is connected to the input
+    INTERMITTENT = "intermittent"  # contact is lost for short intervals
     GAP_CLOSED = "gap closed"
     GAP_WIDE = "gap too wide"
     CLIPPED = "clipped"  # the voltage exceeds the range of the card

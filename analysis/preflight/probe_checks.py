@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.preflight.checks import Check, Finding, WiringLimits
+from analysis.preflight.switching_levels import MAD_TO_RMS
 from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.disturbances import LowFrequencySignal
@@ -15,6 +16,8 @@ FloatArray = NDArray[np.float64]
 MAX_STUCK_NOISE = 0.5  # codes rms: the card alone is noisier
 MAX_CARD_NOISE = 1.5  # codes rms: noise of the card alone; a conditioner adds more
 MAX_OPEN_VOLTS = 0.3  # V: an open input, pulled to zero by its bias resistor
+MIN_OPEN_DURATION = 1e-3  # s: ten times a spark; a cable that moves loses contact for longer
+MIN_OPEN_SAMPLES = 8  # of an interval whose noise is compared
 MAX_CLIPPED_FRACTION = 1e-3  # of the samples; more is a voltage out of range, not a spark
 
 
@@ -65,6 +68,48 @@ class ProbeSignal:
     def displacement(self) -> FloatArray:
         """Motion about the mean, m, with the sensitivity at the mean; positive away from the probe."""
         return self.sensitivity * (self.volts - self.mean)
+
+
+def open_intervals(probe: ProbeSignal, rate: float) -> NDArray[np.int64]:
+    """Return the intervals in which a probe reads like an open input: near zero, without sensor noise.
+
+    Parameters
+    ----------
+    probe : ProbeSignal
+        The probe.
+    rate : float
+        Sample rate, Hz.
+
+    Returns
+    -------
+    ndarray of int64, shape (n_intervals, 2)
+        First sample and one past the last; none if the allowed mean voltage of the probe includes zero.
+    """
+    allowed = max(probe.channel.gap_low, -probe.channel.gap_high)  # nearest to zero
+    near_zero = np.abs(probe.volts) < min(MAX_OPEN_VOLTS, allowed)
+    ends = np.flatnonzero(np.diff(near_zero.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
+    long_enough = ends[ends[:, 1] - ends[:, 0] >= max(MIN_OPEN_DURATION * rate, MIN_OPEN_SAMPLES)]
+    return np.array(
+        [(start, stop) for start, stop in long_enough if _robust_noise(probe.codes[start:stop]) < MAX_CARD_NOISE],
+        dtype=np.int64,
+    ).reshape(-1, 2)
+
+
+def _robust_noise(codes: NDArray[np.int16]) -> float:
+    """Return the noise about the median, codes rms; insensitive to the edges of the interval."""
+    return MAD_TO_RMS * float(np.median(np.abs(codes - np.median(codes))))
+
+
+def contact_check(probe: ProbeSignal, intervals: NDArray[np.int64], rate: float) -> Check:
+    """Return the failed check of a probe that reads like an open input in some intervals."""
+    lengths = intervals[:, 1] - intervals[:, 0]
+    value = f"{lengths.size} losses, {100 * lengths.sum() / probe.volts.size:.1f} % of the time"
+    longest = 1e3 * lengths.max() / rate  # ms
+    advice = (
+        f"{probe.name} loses contact for up to {longest:.0f} ms: loose connector or broken wire; check "
+        f"its cable and the terminals of {probe.channel.physical}, and read the voltage while you move the cable"
+    )
+    return Check.failed(f"{probe.name} contact", Finding.INTERMITTENT, value, "no loss", advice)
 
 
 def gap_check(probe: ProbeSignal) -> Check:

@@ -4,7 +4,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits
-from analysis.preflight.probe_checks import ProbeSignal, calibrated_check, clipping_check, gap_check, hum_check
+from analysis.preflight.probe_checks import (
+    ProbeSignal,
+    calibrated_check,
+    clipping_check,
+    contact_check,
+    gap_check,
+    hum_check,
+    open_intervals,
+)
 from analysis.preflight.switching_levels import find_state_levels
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
 from analysis.signals.header import Acquisition, Channel, Role
@@ -17,6 +25,9 @@ MAX_CORRELATION = 0.999  # of two separate signals, unless their means differ
 MAX_EQUAL_MEAN = 0.01  # V: a straight-line orbit is possible, but not two equal gaps
 MAX_NOISE_CORRELATION = 0.6  # of the noise of two conditioners, which is independent
 MIN_MOTION = 0.5 * MICROMETRE  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
+MAX_OPEN_FRACTION = 0.4  # of the time that a cable with intermittent contact is open; more is an open input
+MIN_PULSE_CORRELATION = 0.9  # with the tacho, of the same pulses on another input
+MAX_PULSE_SCATTER = 0.2  # relative, of the intervals between pulses of a turning shaft
 MAX_BACKWARD_RATIO = 3.0  # of the backward to the forward 1X circle of a light rotor on oil films
 MIN_CIRCLE = 0.05 * MICROMETRE  # m peak, of a circle whose direction is checked
 ROLES = (Role.PROBE_X, Role.PROBE_Y)
@@ -50,11 +61,15 @@ def wiring_checks(
     probes = [ProbeSignal.from_codes(acquisition.channels[rows[role]], codes[rows[role]]) for role in ROLES]
     channel, tacho_codes = acquisition.channels[rows[Role.TACHO]], codes[rows[Role.TACHO]]
     tacho = TachoSignal.from_codes(channel, acquisition.tacho, tacho_codes, acquisition.rate)
-    pulsing = [probe for probe in probes if _is_switching(probe, tacho)]
-    checks = [_pulsing_check(probe, tacho) for probe in pulsing]
+    losses = [(probe, open_intervals(probe, acquisition.rate)) for probe in probes]
+    losses = [(probe, intervals) for probe, intervals in losses if _is_intermittent(probe, intervals, tacho)]
+    intermittent = [probe for probe, _ in losses]
+    pulsing = [probe for probe in probes if probe not in intermittent and _is_switching(probe, tacho)]
+    checks = [contact_check(probe, intervals, acquisition.rate) for probe, intervals in losses]
+    checks += [_pulsing_check(probe, tacho) for probe in pulsing]
     is_exchanged = bool(pulsing) and tacho.levels is None  # then the tacho input has the voltage of a probe
     angle = None if is_exchanged else tacho.angle
-    rest = [probe for probe in probes if probe not in pulsing]
+    rest = [probe for probe in probes if probe not in intermittent + pulsing]
     gaps = [gap_check(probe) for probe in rest]
     sound = [probe for probe, gap in zip(rest, gaps, strict=True) if gap.verdict is Verdict.GOOD]
     slow = [LowFrequencySignal(probe.displacement, acquisition.rate, angle) for probe in sound]
@@ -71,6 +86,17 @@ def wiring_checks(
     if not is_exchanged:
         checks += tacho_checks(tacho, limits, motion=motion)
     return tuple(checks)
+
+
+def _is_intermittent(probe: ProbeSignal, intervals: NDArray[np.int64], tacho: TachoSignal) -> bool:
+    """Return whether a probe is open in some intervals only, which are not the dark part of the tacho's pulses."""
+    n_open = int(np.sum(intervals[:, 1] - intervals[:, 0]))
+    if not 0 < n_open <= MAX_OPEN_FRACTION * probe.volts.size:
+        return False
+    if tacho.levels is not None:
+        return _correlation(probe.volts, tacho.volts) < MIN_PULSE_CORRELATION
+    periods = np.diff(intervals[:, 0])
+    return periods.size < 2 or float(np.std(periods)) > MAX_PULSE_SCATTER * float(np.mean(periods))
 
 
 def _is_switching(probe: ProbeSignal, tacho: TachoSignal) -> bool:

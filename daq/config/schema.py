@@ -284,6 +284,7 @@ class Miswiring(StrEnum):
     NONE = "none"
     X_OPEN = "probe x open"
     Y_OPEN = "probe y open"
+    X_INTERMITTENT = "probe x intermittent"
     X_CLOSED = "probe x gap closed"
     Y_OUT_OF_REACH = "probe y out of reach"
     X_REVERSED = "probe x reversed"

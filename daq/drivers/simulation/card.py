@@ -16,7 +16,7 @@ from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
 from daq.drivers.simulation.shaft import shaft_motion
 from daq.drivers.simulation.speed import SpeedProfile, make_speed_profile
 from daq.drivers.simulation.tacho import SimulatedTacho, TachoSignal
-from daq.drivers.simulation.wiring import SimulatedWiring
+from daq.drivers.simulation.wiring import SensorRows, SimulatedWiring
 
 PORTION = 8192  # samples computed together, whatever the block size, so that the codes do not depend on it
 
@@ -66,7 +66,7 @@ class SimulatedCard:
         )
         self._tacho_noise = bench.tacho_noise_v
         self._wiring = SimulatedWiring(
-            bench.miswiring, (self._probe_rows[0], self._probe_rows[1], self._tacho_row), bench.seed
+            bench.miswiring, SensorRows(self._probe_rows[0], self._probe_rows[1], self._tacho_row), bench.seed
         )
         self._seed = bench.seed
         self._portion = 0

@@ -16,6 +16,7 @@ class StreamPurpose(IntEnum):
     TACHO_NOISE = 6
     WIRING = 7
     WIRING_NOISE = 8
+    CONTACT = 9
 
 
 def random_stream(seed: int, purpose: StreamPurpose, *index: int) -> np.random.Generator:

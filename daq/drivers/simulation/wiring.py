@@ -1,6 +1,13 @@
-"""The wiring between the simulated sensors and the card, with the wiring faults that a preflight should detect."""
+"""The wiring between the simulated sensors and the card, and the wiring faults that a preflight should detect.
 
+Each fault is one class. Its constructor draws the size of the fault from the seed of the run. `apply` gives the effect
+at given times, so that it does not depend on how the run is divided.
+"""
+
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +26,186 @@ CONVERTER_NOISE = 1.5e-4  # V rms, independent for each input
 WEAK = (0.15, 0.35)  # of the tacho's voltage: a wrong divider
 HUM = (0.1, 0.5)  # V peak: 10 to 50 µm
 HUM_THIRD = 0.3  # third harmonic, relative to the fundamental
-
-NO_EDGES = {
-    Miswiring.TACHO_SILENT,
-    Miswiring.TACHO_REVERSED,
-    Miswiring.TACHO_WEAK,
-}  # faults without edges at the counter's line
-OPENED = {Miswiring.X_OPEN: 0, Miswiring.Y_OPEN: 1, Miswiring.TACHO_SILENT: 2}  # number in x, y, tacho
-REVERSED = {Miswiring.X_REVERSED: 0, Miswiring.TACHO_REVERSED: 2}
-EXCHANGED = {Miswiring.PROBES_EXCHANGED: (0, 1), Miswiring.TACHO_EXCHANGED: (0, 2)}
+CONTACT_INTERVAL = 0.25  # s, an interval in which contact is lost at least once
+MAX_CONTACT_LOSSES = 3  # in an interval
+CONTACT_LOSS = (0.002, 0.03)  # s, duration of a loss
 
 
 @dataclass(frozen=True, slots=True)
+class SensorRows:
+    """Rows of the sensors in the samples.
+
+    Parameters
+    ----------
+    x, y, tacho : int
+        Rows of probe x, probe y and the tacho.
+    """
+
+    x: int
+    y: int
+    tacho: int
+
+
+class WiringFault:
+    """A wiring fault; this base class stands for correct wiring.
+
+    Attributes
+    ----------
+    reaches_counter : bool
+        Whether the tacho's edges cross the logic levels of the counter's line.
+    """
+
+    reaches_counter: bool = True
+
+    def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
+        """Change the sensors' voltages to those at the inputs.
+
+        Parameters
+        ----------
+        time : ndarray of float64, shape (n,)
+            Sample times from the beginning of the run, s.
+        volts : ndarray of float64, shape (n_channels, n)
+            The sensors' voltages, V; changed in place.
+        noise : Generator
+            Source of the noise at these times.
+        """
+
+
+class OpenInput(WiringFault):
+    """Nothing is connected to an input; its bias resistor pulls it to zero."""
+
+    def __init__(self, row: int, seed: int, *, is_tacho: bool = False) -> None:
+        size = _size_stream(seed)
+        self._row = row
+        self._offset, self._rms = size.uniform(-OPEN_OFFSET, OPEN_OFFSET), size.uniform(*OPEN_NOISE)
+        self.reaches_counter = not is_tacho
+
+    def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
+        """Replace the sensor's voltage by that of the open input."""
+        volts[self._row] = self._offset + self._rms * noise.standard_normal(time.size)
+
+
+class IntermittentContact(OpenInput):
+    """A damaged probe cable: contact is lost for short random intervals, and the input is open meanwhile."""
+
+    def __init__(self, row: int, seed: int) -> None:
+        super().__init__(row, seed)
+        self._seed = seed
+
+    def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
+        """Replace the sensor's voltage by that of the open input while contact is lost."""
+        connected = volts[self._row].copy()
+        super().apply(time, volts, noise)
+        volts[self._row] = np.where(self.is_lost(time), volts[self._row], connected)
+
+    def is_lost(self, time: FloatArray) -> NDArray[np.bool_]:
+        """Return whether contact is lost at rising times, s."""
+        lost = np.zeros(time.size, dtype=np.bool_)
+        first, last = (math.floor(end / CONTACT_INTERVAL) for end in (time[0], time[-1]))
+        for number in range(first, last + 1):
+            # A stream for each interval, so that its losses do not depend on where a portion of the run begins.
+            rng = random_stream(self._seed, StreamPurpose.CONTACT, number)
+            for duration in rng.uniform(*CONTACT_LOSS, rng.integers(1, MAX_CONTACT_LOSSES, endpoint=True)):
+                start = number * CONTACT_INTERVAL + rng.uniform(0.0, CONTACT_INTERVAL - duration)
+                lost |= (time >= start) & (time < start + duration)
+        return lost
+
+
+class ReversedInput(WiringFault):
+    """The two wires of an input are exchanged."""
+
+    def __init__(self, row: int, *, is_tacho: bool = False) -> None:
+        self._row = row
+        self.reaches_counter = not is_tacho
+
+    def apply(self, _time: FloatArray, volts: FloatArray, _noise: np.random.Generator) -> None:
+        """Change the sign of the voltage."""
+        volts[self._row] *= -1.0
+
+
+class ExchangedInputs(WiringFault):
+    """Two sensors are connected to each other's inputs."""
+
+    def __init__(self, first: int, second: int) -> None:
+        self._rows = [first, second]
+
+    def apply(self, _time: FloatArray, volts: FloatArray, _noise: np.random.Generator) -> None:
+        """Exchange the voltages."""
+        volts[self._rows] = volts[self._rows[::-1]]
+
+
+class ConstantOutput(WiringFault):
+    """A conditioner at one end of its output, whatever the shaft does."""
+
+    def __init__(self, row: int, volts: tuple[float, float], seed: int) -> None:
+        self._row = row
+        self._volts = _size_stream(seed).uniform(*volts)
+
+    def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
+        """Replace the voltage by a constant with the conditioner's noise."""
+        volts[self._row] = self._volts + CONDITIONER_NOISE * noise.standard_normal(time.size)
+
+
+class BridgedInputs(WiringFault):
+    """Two inputs touch and have the mean of both signals."""
+
+    def __init__(self, first: int, second: int) -> None:
+        self._rows = [first, second]
+
+    def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
+        """Replace both voltages by their mean, with the noise of the converter."""
+        volts[self._rows] = np.mean(volts[self._rows], axis=0) + CONVERTER_NOISE * noise.standard_normal((2, time.size))
+
+
+class WeakTacho(WiringFault):
+    """A wrong divider at the tacho's output."""
+
+    reaches_counter = False
+
+    def __init__(self, row: int, seed: int) -> None:
+        self._row = row
+        self._part = _size_stream(seed).uniform(*WEAK)
+
+    def apply(self, _time: FloatArray, volts: FloatArray, _noise: np.random.Generator) -> None:
+        """Attenuate the voltage."""
+        volts[self._row] *= self._part
+
+
+class MainsHum(WiringFault):
+    """A ground loop that adds mains hum with its third harmonic to both probes."""
+
+    def __init__(self, rows: list[int], seed: int) -> None:
+        size = _size_stream(seed)
+        self._rows = rows
+        self._frequency, self._deviation = size.choice([50.0, 60.0]), size.uniform(0.999, 1.001)
+        self._phase = size.uniform(0.0, 2.0 * np.pi)
+        self._volts = size.uniform(*HUM)
+
+    def apply(self, time: FloatArray, volts: FloatArray, _noise: np.random.Generator) -> None:
+        """Add the hum."""
+        angle = 2.0 * np.pi * self._frequency * self._deviation * time + self._phase
+        volts[self._rows] += self._volts * (np.sin(angle) + HUM_THIRD * np.sin(3.0 * angle))
+
+
+FAULTS: Final[dict[Miswiring, Callable[[SensorRows, int], WiringFault]]] = {
+    Miswiring.NONE: lambda _rows, _seed: WiringFault(),
+    Miswiring.X_OPEN: lambda rows, seed: OpenInput(rows.x, seed),
+    Miswiring.Y_OPEN: lambda rows, seed: OpenInput(rows.y, seed),
+    Miswiring.X_INTERMITTENT: lambda rows, seed: IntermittentContact(rows.x, seed),
+    Miswiring.X_CLOSED: lambda rows, seed: ConstantOutput(rows.x, TIP_VOLTS, seed),
+    Miswiring.Y_OUT_OF_REACH: lambda rows, seed: ConstantOutput(rows.y, SATURATED_VOLTS, seed),
+    Miswiring.X_REVERSED: lambda rows, _seed: ReversedInput(rows.x),
+    Miswiring.BRIDGED: lambda rows, _seed: BridgedInputs(rows.x, rows.y),
+    Miswiring.PROBES_EXCHANGED: lambda rows, _seed: ExchangedInputs(rows.x, rows.y),
+    Miswiring.TACHO_EXCHANGED: lambda rows, _seed: ExchangedInputs(rows.x, rows.tacho),
+    Miswiring.TACHO_SILENT: lambda rows, seed: OpenInput(rows.tacho, seed, is_tacho=True),
+    Miswiring.TACHO_REVERSED: lambda rows, _seed: ReversedInput(rows.tacho, is_tacho=True),
+    Miswiring.TACHO_WEAK: lambda rows, seed: WeakTacho(rows.tacho, seed),
+    Miswiring.HUM: lambda rows, seed: MainsHum([rows.x, rows.y], seed),
+}
+"""The fault for each value of `[simulation] miswiring`, from the rows of the sensors and the seed of the run."""
+
+
 class SimulatedWiring:
     """Transmits the sensors' voltages to the card's inputs, with a wiring fault.
 
@@ -38,20 +213,20 @@ class SimulatedWiring:
     ----------
     miswiring : Miswiring
         The fault.
-    rows : tuple of int
-        Rows of probe x, probe y and the tacho.
+    rows : SensorRows
+        Rows of the sensors.
     seed : int
         Seed of the run; determines the size of the fault.
     """
 
-    miswiring: Miswiring
-    rows: tuple[int, int, int]
-    seed: int
+    def __init__(self, miswiring: Miswiring, rows: SensorRows, seed: int) -> None:
+        self._fault = FAULTS[miswiring](rows, seed)
+        self._seed = seed
 
     @property
     def reaches_counter(self) -> bool:
         """Whether the tacho's edges cross the logic levels of the counter's line."""
-        return self.miswiring not in NO_EDGES
+        return self._fault.reaches_counter
 
     def transmit(self, portion: int, time: FloatArray, volts: FloatArray) -> FloatArray:
         """Return the voltages at the inputs, V, for the sensors' voltages.
@@ -65,37 +240,10 @@ class SimulatedWiring:
         volts : ndarray of float64, shape (n_channels, n)
             The sensors' voltages, V; may be overwritten.
         """
-        how = random_stream(self.seed, StreamPurpose.WIRING)  # the same in all portions
-        noise = random_stream(self.seed, StreamPurpose.WIRING_NOISE, portion)
-        fault, n = self.miswiring, time.size
-        x, y, tacho = self.rows
-        if fault in OPENED:
-            volts[self.rows[OPENED[fault]]] = _open(how, noise, n)
-        elif fault in REVERSED:
-            volts[self.rows[REVERSED[fault]]] *= -1.0
-        elif fault in EXCHANGED:
-            one, other = (self.rows[number] for number in EXCHANGED[fault])
-            volts[[one, other]] = volts[[other, one]]
-        elif fault is Miswiring.X_CLOSED:
-            volts[x] = how.uniform(*TIP_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
-        elif fault is Miswiring.Y_OUT_OF_REACH:
-            volts[y] = how.uniform(*SATURATED_VOLTS) + CONDITIONER_NOISE * noise.standard_normal(n)
-        elif fault is Miswiring.BRIDGED:
-            volts[[x, y]] = np.mean(volts[[x, y]], axis=0) + CONVERTER_NOISE * noise.standard_normal((2, n))
-        elif fault is Miswiring.TACHO_WEAK:
-            volts[tacho] *= how.uniform(*WEAK)
-        elif fault is Miswiring.HUM:
-            volts[[x, y]] += _hum(how, time)
+        self._fault.apply(time, volts, random_stream(self._seed, StreamPurpose.WIRING_NOISE, portion))
         return volts
 
 
-def _open(how: np.random.Generator, noise: np.random.Generator, n: int) -> FloatArray:
-    """Return the voltage of an open input with its bias resistor, V."""
-    offset, rms = how.uniform(-OPEN_OFFSET, OPEN_OFFSET), how.uniform(*OPEN_NOISE)
-    return np.asarray(offset + rms * noise.standard_normal(n), dtype=np.float64)
-
-
-def _hum(how: np.random.Generator, time: FloatArray) -> FloatArray:
-    """Return the mains hum that a ground loop adds, V."""
-    angle = 2.0 * np.pi * how.choice([50.0, 60.0]) * how.uniform(0.999, 1.001) * time + how.uniform(0.0, 2.0 * np.pi)
-    return np.asarray(how.uniform(*HUM) * (np.sin(angle) + HUM_THIRD * np.sin(3.0 * angle)), dtype=np.float64)
+def _size_stream(seed: int) -> np.random.Generator:
+    """Return the random stream that determines the size of a fault, the same throughout the run."""
+    return random_stream(seed, StreamPurpose.WIRING)

@@ -146,6 +146,49 @@ def test_tacho_signal_at_a_probe_input_is_exchanged_or_bridged() -> None:
     assert found(checked(volts | {"y": volts["tacho"]})) == {"probe y signal": Finding.BRIDGED}
 
 
+def interrupted(volts: FloatArray, losses: list[tuple[float, float]]) -> FloatArray:
+    """Return a probe's voltage with an open input in intervals, (start, duration) in s."""
+    lost = np.any([(start <= TIME) & (start + duration > TIME) for start, duration in losses], axis=0)
+    return np.where(lost, 0.02 + noise(1e-4, 7), volts)
+
+
+IRREGULAR = [(0.1, 0.02), (0.15, 0.002), (0.61, 0.03)]
+
+
+def test_intermittent_contact_is_reported_turning_and_at_rest() -> None:
+    for volts in (turning(), resting()):
+        checks = checked(volts | {"x": interrupted(volts["x"], IRREGULAR)})
+        assert {name: finding for name, finding in found(checks).items() if name != "tacho levels"} == {
+            "probe x contact": Finding.INTERMITTENT
+        }
+        (check,) = (check for check in checks if check.name == "probe x contact")
+        assert check.value == "3 losses, 5.2 % of the time"
+        assert "30 ms" in check.advice
+        assert "ai0" in check.advice
+
+
+def test_contact_lost_once_per_revolution_is_intermittent_while_the_tacho_pulses() -> None:
+    volts = turning(600.0)
+    every_turn = [(0.03 + 0.1 * turn, 0.01) for turn in range(10)]
+    assert found(checked(volts | {"y": interrupted(volts["y"], every_turn)})) == {
+        "probe y contact": Finding.INTERMITTENT
+    }
+
+
+def test_single_spike_to_zero_is_no_lost_contact() -> None:
+    volts = turning()
+    assert "probe x contact" not in found(checked(volts | {"x": interrupted(volts["x"], [(0.3, 0.0005)])}))
+
+
+def test_quiet_tacho_pulses_at_a_probe_input_are_no_lost_contact() -> None:
+    volts = turning()
+    pulses = np.where(volts["tacho"] > 2.0, 4.2, 0.1)
+    assert found(checked(volts | {"y": pulses, "tacho": volts["y"]})) == {"probe y signal": Finding.TACHO_EXCHANGED}
+    dark = np.where((1800.0 * RPM * TIME) % (2 * math.pi) < 1.8 * math.pi, 4.2, 0.1)
+    assert found(checked(volts | {"y": dark, "tacho": volts["y"]})) == {"probe y signal": Finding.TACHO_EXCHANGED}
+    assert found(checked(volts | {"y": dark, "tacho": dark}))["probe y signal"] is Finding.BRIDGED
+
+
 def test_silent_tacho_is_detected_by_the_motion_of_the_probes() -> None:
     assert found(checked(turning() | {"tacho": 0.1 + noise(0.01, 6)})) == {"tacho levels": Finding.SILENT}
 

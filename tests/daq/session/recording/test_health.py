@@ -12,14 +12,16 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from daq.cli.output.progress import status_line
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
+from daq.drivers.simulation.wiring import IntermittentContact
 from daq.session.live_update import RunState
+from daq.session.offline import summarise
 from daq.session.recording.health import loss_message, recording_health
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory
 from tests.daq.support.device_server import serving
 from tests.daq.support.ni_driver import NiDriver
-from tests.daq.support.recording import start_recording, wait_for_state
+from tests.daq.support.recording import recorded_codes, start_recording, wait_for_state
 
 RATE = 1000.0
 TIMING = TimingSection(rate_hz=RATE, block_s=0.1, buffer_s=4)
@@ -69,6 +71,21 @@ def test_status_names_the_clipped_channel_and_its_samples(rig: RigFactory, tmp_p
     assert (clipped.channel, clipped.samples, clipped.blocks) == ("y", sum(rails), int(np.count_nonzero(rails)))
     assert clipped.last == pytest.approx(2000 * (1 + max(np.flatnonzero(rails))) / 20_000)
     assert f"y CLIPPED {sum(rails):,} in {np.count_nonzero(rails):,} blocks" in status_line(run.latest())
+
+
+def test_recorded_run_shows_the_lost_contact_of_its_probe(rig: RigFactory, tmp_path: Path) -> None:
+    simulated = rig(simulation={"miswiring": "probe x intermittent"}, limits={"hold_s": 0.0})
+    run = start_recording(simulated, tmp_path)
+    assert run.wait(60)
+    run.close()
+    codes = recorded_codes(run.path)
+    lost = np.abs(codes[0].astype(np.int64)) < 400  # 0.13 V
+    fault = IntermittentContact(0, simulated.config.simulation.seed)
+    np.testing.assert_array_equal(lost, fault.is_lost(np.arange(codes.shape[1]) / 20_000))
+    with RunReader(run.path) as reader:
+        summary = summarise(reader)
+    assert [probe.beyond_calibration for probe in summary.probes] == [np.count_nonzero(lost), 0]
+    assert {alarm.probe for alarm in summary.alarms} == {"x"}
 
 
 def test_there_is_no_warning_before_blocks_are_expected() -> None:
