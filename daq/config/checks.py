@@ -12,6 +12,7 @@ from daq.config.toml_files import Fault
 from model.errors import ParameterError
 from model.rotor.tables import TableError
 
+CARD_KEY = "device.product"
 BLOCKS_IN_BUFFER = 4
 MIN_PROBE_ANGLE = 10.0  # degrees between the probes' axes
 ORDER_KEYS = ("analysis.highest_order", "limits.speed_rpm")
@@ -48,7 +49,7 @@ def card_faults(config: RigConfig) -> Iterator[Fault]:
     product = config.device.product
     if product not in DEVICES:
         expected = f"one of {', '.join(DEVICES)}, the cards whose limits are known"
-        yield _fault("device.product", f'"{product}"', expected)
+        yield _fault(CARD_KEY, f'"{product}"', expected)
         return
     card = DEVICES[product]
     yield from _inputs(config, card)
@@ -91,7 +92,8 @@ def _inputs(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
         key = f"channel[{number}]"
         if channel.range_v not in card.input_ranges:
             ranges = ", ".join(f"{volts:g}" for volts in card.input_ranges)
-            yield _fault(f"{key}.range_v", channel.range_v, f"one of {ranges}, the ranges of the {card.product}")
+            expected = f"one of {ranges}, the ranges of the {card.product}"
+            yield _fault(f"{key}.range_v", channel.range_v, expected, CARD_KEY)
         positive = int(channel.physical.removeprefix("ai"))
         differential = channel.terminal == "differential"
         available = card.differential_inputs if differential else card.single_ended_inputs
@@ -113,7 +115,7 @@ def _aggregate_rate(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
     aggregate = card.max_total_rate(channels)
     if rate * channels > aggregate:
         expected = f"at most {math.floor(aggregate / channels)}: the {card.product} shares {aggregate:,.0f} Hz among "
-        yield _fault("timing.rate_hz", rate, f"{expected}{channels} channels", "device.product")
+        yield _fault("timing.rate_hz", rate, f"{expected}{channels} channels", CARD_KEY)
 
 
 def _probe_angles(config: RigConfig) -> Iterator[Fault]:
@@ -211,14 +213,14 @@ def _counter(config: RigConfig, card: DeviceSpec) -> Iterator[Fault]:
     key = "tacho.counter"
     if section.counter not in card.counter_names:
         expected = f"one of {', '.join(card.counter_names)}, the counters of the {card.product}"
-        yield _fault(f"{key}.counter", f'"{section.counter}"', expected)
+        yield _fault(f"{key}.counter", f'"{section.counter}"', expected, CARD_KEY)
     if int(section.terminal.removeprefix("PFI")) >= card.pfi_inputs:
         expected = f"PFI0 to PFI{card.pfi_inputs - 1}, the input lines of the {card.product}"
-        yield _fault(f"{key}.terminal", f'"{section.terminal}"', expected)
+        yield _fault(f"{key}.terminal", f'"{section.terminal}"', expected, CARD_KEY)
     timebase = section.timebase_hz or card.fastest_counter_timebase
     if timebase not in card.counter_timebases:
         rates = ", ".join(f"{rate:.0f}" for rate in card.counter_timebases)
-        yield _fault(f"{key}.timebase_hz", timebase, f"one of {rates}, the clocks of the {card.product}")
+        yield _fault(f"{key}.timebase_hz", timebase, f"one of {rates}, the clocks of the {card.product}", CARD_KEY)
         return
     wrap = card.counter_wrap / timebase
     if timing.buffer_s > wrap - WRAP_MARGIN:

@@ -37,6 +37,11 @@ def test_unknown_card_is_refused_with_the_known_ones(rig_file: RigFiles, capsys:
         device_spec("PCI-6221")
 
 
+def test_wrong_type_of_product_gives_no_consequent_errors(rig_file: RigFiles) -> None:
+    path = rig_file(device={"product": 6251}, channel=channels({}, {}, {"range_v": 3.0}), timing={"rate_hz": 1e6})
+    assert [fault.partition(" = ")[0] for fault in faults_of(path)] == ["device.product"]
+
+
 def test_recording_of_an_unknown_card_or_range_stays_readable(rig: RigFactory) -> None:
     text = (
         rig().toml.replace('product = "USB-6251"', 'product = "PXI-4461"').replace("range_v = 10.0", "range_v = 12.5")
