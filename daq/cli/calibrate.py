@@ -13,6 +13,7 @@ import numpy as np
 
 from analysis.preflight.calibration_fit import CalibrationFit, default_order, fit_calibration
 from analysis.signals.errors import CalibrationFitError
+from analysis.signals.units import MICROMETRE, MILLIVOLT
 from daq.cli.arguments import NOT_READY, AddCommand
 from daq.cli.output.terminal import print_json
 from daq.config.calibration import (
@@ -24,7 +25,7 @@ from daq.config.calibration import (
     write_record,
 )
 from daq.config.loader import load_rig
-from daq.config.rig import MICRO, Rig
+from daq.config.rig import Rig
 from daq.errors import DeviceError, UsageError
 from daq.schemas.preflight import gap_calibration_schema, tacho_calibration_schema
 from daq.session.preflight.calibration import (
@@ -83,7 +84,7 @@ def save_points(path: Path, points: Sequence[CalibrationPoint]) -> Path:
     with saved.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["gap_um", "volts"])
-        writer.writerows((f"{point.gap / MICRO:g}", f"{point.volts:.6f}") for point in points)
+        writer.writerows((f"{point.gap / MICROMETRE:g}", f"{point.volts:.6f}") for point in points)
     return saved
 
 
@@ -102,13 +103,13 @@ def _measure_step(typed: str, points: list[CalibrationPoint], rig: Rig, name: st
         _print_message(f"{typed!r}: expected a gap in µm, 0 or more, such as 250")
         return
     try:
-        points.append(measure_point(rig, name, gap_um * MICRO))
+        points.append(measure_point(rig, name, gap_um * MICROMETRE))
     except DeviceError as error:
         if not points:
             raise
         _print_message(f"  not measured: {error}")
     else:
-        _print_message(f"  {points[-1].volts:.4f} V, scatter {1e3 * points[-1].scatter:.1f} mV rms")
+        _print_message(f"  {points[-1].volts:.4f} V, scatter {points[-1].scatter / MILLIVOLT:.1f} mV rms")
 
 
 def _gap_um(typed: str) -> float | None:
@@ -162,7 +163,7 @@ def run_calibrate_tacho(args: argparse.Namespace) -> int:
         return NOT_READY
     print(
         f"the tacho switches between {levels.low:.2f} and {levels.high:.2f} V, "
-        f"noise {1e3 * levels.scatter:.0f} mV rms, light for {100 * levels.high_fraction:.0f} % of the time\n"
+        f"noise {levels.scatter / MILLIVOLT:.0f} mV rms, light for {100 * levels.high_fraction:.0f} % of the time\n"
         f"[tacho]\nthreshold_v = {levels.middle:.2f}\nhysteresis_v = {levels.hysteresis:.2f}"
     )
     low, high = rig.tacho.threshold - rig.tacho.hysteresis / 2, rig.tacho.threshold + rig.tacho.hysteresis / 2
@@ -228,13 +229,13 @@ def _fit_lines(points: Sequence[CalibrationPoint], fit: CalibrationFit) -> Itera
         column = _HALF_PLOT_WIDTH + round(_HALF_PLOT_WIDTH * float(residual) / scale)
         line = [" "] * (2 * _HALF_PLOT_WIDTH + 1)
         line[_HALF_PLOT_WIDTH], line[column] = "|", "o"
-        scatter = "" if math.isnan(point.scatter) else f"{1e3 * point.scatter:.2f}"
-        row = f"{point.gap / MICRO:9.1f} {point.volts:9.4f} {scatter:>11} {residual / MICRO:+12.2f}  {''.join(line)}"
-        yield row.rstrip()
-    coefficients = ", ".join(f"{coefficient / MICRO:.6g}" for coefficient in fit.coefficients)
+        scatter = "" if math.isnan(point.scatter) else f"{point.scatter / MILLIVOLT:.2f}"
+        gap, off = point.gap / MICROMETRE, residual / MICROMETRE
+        yield f"{gap:9.1f} {point.volts:9.4f} {scatter:>11} {off:+12.2f}  {''.join(line)}".rstrip()
+    coefficients = ", ".join(f"{coefficient / MICROMETRE:.6g}" for coefficient in fit.coefficients)
     yield (
         f"order {fit.order}: gap_um = [{coefficients}] · volts^k from {fit.volts_low:.3f} to {fit.volts_high:.3f} V, "
-        f"rising, largest residual {fit.residual / MICRO:.2f} µm"
+        f"rising, largest residual {fit.residual / MICROMETRE:.2f} µm"
     )
 
 

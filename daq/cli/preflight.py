@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from analysis.preflight.checks import Verdict
+from analysis.signals.units import MICROSECOND, RPM
 from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
-from daq.cli.output.progress import RPM, Console
+from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json, print_lines, terminal_width
 from daq.config.devices import device_spec
 from daq.config.loader import load_rig
@@ -53,7 +54,7 @@ def _rig_lines(rig: Rig, rate: float, convert_rate: float) -> Iterator[str]:
     yield f"{rig.path}: good"
     yield f"  rig      {rig.config.rig} on {card}"
     yield f"  inputs   {inputs}"
-    between = f"convert clock {convert_rate / 1e3:.4g} kHz ({1e6 / convert_rate:.2f} µs between channels)"
+    between = f"convert clock {convert_rate / 1e3:.4g} kHz ({1 / convert_rate / MICROSECOND:.2f} µs between channels)"
     yield f"  rate     {rate / 1e3:g} kS/s each, {between}"
     counter = rig.tacho.counter
     if counter is not None:

@@ -4,8 +4,9 @@ import argparse
 from datetime import UTC, datetime
 from pathlib import Path
 
+from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
-from daq.cli.output.progress import RPM, Console
+from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema

@@ -12,13 +12,13 @@ from pydantic import AfterValidator, Field, ValidationError
 from analysis.preflight.calibration_fit import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.header import Calibration
+from analysis.signals.units import MICROMETRE
 from daq.config.schema import NotNegative, Section
 from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
 from daq.errors import ConfigError, UsageError
 
 FloatArray = NDArray[np.float64]
 
-MICRO = 1e-6
 ROUNDING = 0.1  # µm by which a point's deviation may exceed the stated residual
 
 
@@ -116,10 +116,10 @@ def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
     if curve is None or (faults := faults + _cross_field_faults(curve, record)):
         raise ConfigError(file, faults)
     return Calibration(
-        coefficients=tuple(coefficient * MICRO for coefficient in curve.coefficients_um),
+        coefficients=tuple(coefficient * MICROMETRE for coefficient in curve.coefficients_um),
         volts_low=curve.volts_low,
         volts_high=curve.volts_high,
-        residual=curve.residual_um * MICRO,
+        residual=curve.residual_um * MICROMETRE,
         sensor=table.sensor,
         conditioner=table.conditioner,
         date=table.date,
@@ -163,12 +163,13 @@ def _curve(record: CalibrationRecord, faults: list[str]) -> _Curve | None:
     if coefficients is None and volts:
         order = default_order(len(volts)) if table.order is None else table.order
         try:
-            fit = fit_calibration(np.array([point.gap_um for point in record.point]) * MICRO, np.array(volts), order)
+            gaps = np.array([point.gap_um for point in record.point]) * MICROMETRE
+            fit = fit_calibration(gaps, np.array(volts), order)
         except CalibrationFitError as error:
             faults.append(f"point: {error}")
             return None
-        coefficients = tuple(coefficient / MICRO for coefficient in fit.coefficients)
-        residual = fit.residual / MICRO if residual is None else residual
+        coefficients = tuple(coefficient / MICROMETRE for coefficient in fit.coefficients)
+        residual = fit.residual / MICROMETRE if residual is None else residual
     elif table.order is not None:
         faults.append(f"calibration.order = {table.order}: expected none with coefficients_um")
     for key, value in (("coefficients_um", coefficients), ("volts_low", low), ("volts_high", high)):
@@ -218,10 +219,10 @@ def fitted_record(
         The record's other data.
     """
     table = CalibrationTable(
-        coefficients_um=tuple(float(f"{coefficient / MICRO:.9g}") for coefficient in fit.coefficients),
+        coefficients_um=tuple(float(f"{coefficient / MICROMETRE:.9g}") for coefficient in fit.coefficients),
         volts_low=round(fit.volts_low, 6),
         volts_high=round(fit.volts_high, 6),
-        residual_um=float(f"{fit.residual / MICRO:.4g}"),
+        residual_um=float(f"{fit.residual / MICROMETRE:.4g}"),
         sensor=metadata.sensor,
         conditioner=metadata.conditioner,
         date=metadata.date,
@@ -230,7 +231,7 @@ def fitted_record(
         note=metadata.note,
     )
     points = tuple(
-        CalibrationPoint(gap_um=round(float(gap) / MICRO, 4), volts=round(float(volt), 6))
+        CalibrationPoint(gap_um=round(float(gap) / MICROMETRE, 4), volts=round(float(volt), 6))
         for gap, volt in zip(gaps, volts, strict=True)
     )
     return CalibrationRecord(calibration=table, point=points)

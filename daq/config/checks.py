@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from analysis.signals.header import Role
+from analysis.signals.units import MILLISECOND
 from daq.config.devices import DEVICES, HIGH_LEVEL, LOW_LEVEL, DeviceSpec
 from daq.config.rotor import model_parameters
 from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
@@ -178,7 +179,8 @@ def _tacho(config: RigConfig) -> Iterator[Fault]:
         if speed > (highest := _max_tacho_speed(tacho)) * (1 + 1e-9):
             expected = (
                 f"at most {highest:.0f}: light and dark must both last the tacho's response time of "
-                f"{tacho.response_time_s * 1e3:g} ms, with a mark over {tacho.mark_fraction * 100:g} % of the turn"
+                f"{tacho.response_time_s / MILLISECOND:g} ms, "
+                f"with a mark over {tacho.mark_fraction * 100:g} % of the turn"
             )
             yield _fault(key, speed, expected, *MARK_KEYS)
     shorter = min(tacho.mark_fraction, 1 - tacho.mark_fraction)

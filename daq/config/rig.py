@@ -8,24 +8,22 @@ from pathlib import Path
 
 from analysis.preflight.checks import WiringLimits
 from analysis.signals.header import AnalysisSettings, Calibration, Limits, RunOutSettings, Tacho, TachoCounter
+from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec
 from daq.config.schema import RigConfig
-
-MICRO = 1e-6
-RPM = 2 * math.pi / 60
 
 
 def runout_settings(config: RigConfig) -> RunOutSettings:
     """Return the run-out settings; the caller has replaced `from_run` by that run's vectors."""
     runout = config.runout
-    sigmas = {vector.order: vector.sigma_um * MICRO for vector in runout.vector}
+    sigmas = {vector.order: vector.sigma_um * MICROMETRE for vector in runout.vector}
     return RunOutSettings(
         slow_roll_speed=runout.slow_roll_rpm * RPM,
         vectors=tuple(
             (
                 vector.order,
-                cmath.rect(vector.x_um * MICRO, -math.radians(vector.x_lag_deg)),
-                cmath.rect(vector.y_um * MICRO, -math.radians(vector.y_lag_deg)),
+                cmath.rect(vector.x_um * MICROMETRE, -math.radians(vector.x_lag_deg)),
+                cmath.rect(vector.y_um * MICROMETRE, -math.radians(vector.y_lag_deg)),
             )
             for vector in runout.vector
         ),
@@ -82,7 +80,7 @@ class Rig:
             edge=section.edge or self.config.tacho.edge,
             timebase=section.timebase_hz or device_spec(self.config.device.product).fastest_counter_timebase,
             is_reference=section.reference == "counter",
-            max_difference=section.max_difference_us * MICRO,
+            max_difference=section.max_difference_us * MICROSECOND,
         )
 
     @property
@@ -90,17 +88,17 @@ class Rig:
         """The alarm limits."""
         section = self.config.limits
         return Limits(
-            peak_to_peak_alarm=section.peak_to_peak_alarm_um * MICRO,
-            peak_to_peak_danger=section.peak_to_peak_danger_um * MICRO,
-            clearance=section.clearance_um * MICRO,
+            peak_to_peak_alarm=section.peak_to_peak_alarm_um * MICROMETRE,
+            peak_to_peak_danger=section.peak_to_peak_danger_um * MICROMETRE,
+            clearance=section.clearance_um * MICROMETRE,
             speed=section.speed_rpm * RPM,
             hysteresis=section.hysteresis_fraction,
             hold=section.hold_s,
             latch=section.latch,
-            order_1x_alarm=_limit(section.order_1x_peak_alarm_um, MICRO),
-            order_1x_danger=_limit(section.order_1x_peak_danger_um, MICRO),
-            below_1x_alarm=_limit(section.below_1x_peak_alarm_um, MICRO),
-            below_1x_danger=_limit(section.below_1x_peak_danger_um, MICRO),
+            order_1x_alarm=_limit(section.order_1x_peak_alarm_um, MICROMETRE),
+            order_1x_danger=_limit(section.order_1x_peak_danger_um, MICROMETRE),
+            below_1x_alarm=_limit(section.below_1x_peak_alarm_um, MICROMETRE),
+            below_1x_danger=_limit(section.below_1x_peak_danger_um, MICROMETRE),
             speed_alarm=_limit(section.speed_alarm_rpm, RPM),
             speed_danger=_limit(section.speed_danger_rpm, RPM),
         )
@@ -110,8 +108,8 @@ class Rig:
         """The limits of the preflight's wiring checks."""
         section = self.config.preflight
         return WiringLimits(
-            hum_warn=section.hum_warn_um * MICRO,
-            hum_fail=section.hum_fail_um * MICRO,
+            hum_warn=section.hum_warn_um * MICROMETRE,
+            hum_fail=section.hum_fail_um * MICROMETRE,
             tacho_scatter=section.tacho_scatter_fraction,
             mark_tolerance=section.tacho_mark_tolerance_fraction,
         )

@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from analysis.signals.header import Role
-from daq.config.rig import MICRO
+from analysis.signals.units import MICROMETRE
 from daq.config.schema import ModelSection, RigConfig
 from daq.config.toml_files import read_tables, read_text
 from model.rotor.parameters import FloatingRing, Imbalance, ModelParameters
@@ -58,9 +58,9 @@ def _bearing(bearing: FloatingRing, section: ModelSection) -> FloatingRing:
     if section.viscosity_pa_s is not None:
         bearing = replace(bearing, viscosity=section.viscosity_pa_s)
     if section.inner_clearance_um is not None:
-        bearing = replace(bearing, inner_clearance=section.inner_clearance_um * MICRO)
+        bearing = replace(bearing, inner_clearance=section.inner_clearance_um * MICROMETRE)
     if section.outer_clearance_um is not None:
-        bearing = replace(bearing, outer_clearance=section.outer_clearance_um * MICRO)
+        bearing = replace(bearing, outer_clearance=section.outer_clearance_um * MICROMETRE)
     return bearing
 
 

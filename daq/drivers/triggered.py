@@ -15,7 +15,6 @@ from analysis.tacho.edges import EdgeDetector
 from daq.config.schema import SPEED, TIME, TriggerCondition
 from daq.drivers.source import Source
 
-RPM = 60.0  # revolutions a second to r/min
 STANDSTILL_TIMEOUT = 1.0  # s without an edge after which the speed is 0
 MAX_TURNS = 8  # averaged for a speed
 MIN_TURNS = 2  # that must agree: two edges alone may be a glitch
@@ -64,7 +63,7 @@ class SpeedEstimator:
         agreeing = (
             turns[np.abs(turns - np.median(turns)) <= MAX_TURN_DEVIATION * np.median(turns)] if turns.size else turns
         )
-        return RPM * rate / float(agreeing.mean()) if agreeing.size >= MIN_TURNS else 0.0
+        return 60.0 * rate / float(agreeing.mean()) if agreeing.size >= MIN_TURNS else 0.0
 
     def _edges_of(self, block: SampleBlock) -> NDArray[np.float64]:
         """Return the block's edges from the reference, in samples of the segment."""

@@ -15,7 +15,7 @@ from daq.reports.errors import DataNotFoundError
 from daq.reports.parameters import RecordedCascadeQuery, RecordedWaterfallQuery
 from daq.reports.run_history import RunHistory
 from daq.schemas.results import CascadeSchema, TrendSchema, Values, WaterfallSchema
-from daq.schemas.units import finite, lag_degrees, micrometres, rpm
+from daq.schemas.units import finite, lags_degrees, micrometres, rpm
 from daq.session.offline import results
 from recordings.mcap.reader import RunReader
 
@@ -143,7 +143,7 @@ def trend_schema(found: RunHistory, segment: int | None, begin: float, end: floa
         return np.fmax.reduceat(values[index], starts).tolist() if index.size else []
 
     order, size = _largest_whirls(found.whirl_order[index], found.whirl_amplitude[index], starts)
-    lag_x, lag_y = (_all_lags(vector[index][last]) for vector in found.vectors)
+    lag_x, lag_y = (lags_degrees(vector[index][last]) for vector in found.vectors)
     return TrendSchema(
         run=found.header.run,
         results_per_entry=width,
@@ -164,10 +164,6 @@ def trend_schema(found: RunHistory, segment: int | None, begin: float, end: floa
         whirl_order=tuple(map(finite, order)),
         whirl_peak_um=tuple(map(micrometres, size)),
     )
-
-
-def _all_lags(vectors: NDArray[np.complex128]) -> Values:
-    return tuple(map(lag_degrees, vectors.tolist()))
 
 
 def _largest_whirls(

@@ -13,6 +13,7 @@ from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.signals.units import RPM
 from daq.reports.errors import DataNotFoundError
 from daq.session.offline import OnProgress, results
 from recordings.errors import NotFoundError
@@ -24,7 +25,7 @@ IntArray = NDArray[np.int64]
 
 MAX_TIME_DISTANCE = 1.0  # s, between a requested time and the nearest frame
 SPEED_TOLERANCE = 0.02  # relative
-MIN_SPEED_TOLERANCE = 100.0 * np.pi / 30.0  # rad/s
+MIN_SPEED_TOLERANCE = 100.0 * RPM  # rad/s
 HISTORY_CACHE_SIZE = 8
 
 
@@ -97,11 +98,9 @@ class RunHistory:
             distance = np.abs(self.frame_speed - speed)
             near = candidates & (distance <= max(SPEED_TOLERANCE * speed, MIN_SPEED_TOLERANCE))
             if not near.any():
-                low, high = (
-                    np.array([self.frame_speed[candidates].min(), self.frame_speed[candidates].max()]) * 30 / np.pi
-                )
+                low, high = np.array([self.frame_speed[candidates].min(), self.frame_speed[candidates].max()]) / RPM
                 raise DataNotFoundError(
-                    f"no order spectrum near {speed * 30 / np.pi:,.0f} r/min; the run has them "
+                    f"no order spectrum near {speed / RPM:,.0f} r/min; the run has them "
                     f"from {low:,.0f} to {high:,.0f} r/min"
                 )
             if time is None:

@@ -13,6 +13,7 @@ from analysis.resampling.angular_record import PASSBAND_FRACTION, AngularRecord,
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role, RunHeader
 from analysis.signals.probes import ProbePair
+from analysis.signals.units import RPM
 from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
@@ -33,7 +34,6 @@ CHUNK_ALIGNMENT = 4096  # samples: chunks begin at multiples of it, so that deci
 MARGIN_TURNS, MARGIN_SAMPLES = 2.0, 128  # around a chunk: reach of the filters and the interpolator
 GUARD_TURNS = 12  # around a requested time, for an accurate angle at its ends
 SPEED_MARGIN = 1.3  # by which the shaft may be slower in the revolutions before
-RPM = math.pi / 30.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Channel
+from analysis.signals.units import MICROMETRE
 from daq.reports.errors import ArrowUnavailableError, DataNotFoundError, RequestTooLargeError
 from daq.reports.parameters import SampleFormat, SamplesQuery, SampleUnit
 from daq.schemas.results import ChannelSamplesSchema, SamplesSchema
@@ -86,7 +87,7 @@ def _scaled(channel: Channel, codes: Codes, unit: SampleUnit) -> tuple[NDArray[n
         return codes, "code"
     if unit is SampleUnit.VOLTS or channel.calibration is None:
         return channel.volts(codes), "V"
-    return channel.displacement(codes) * 1e6, "µm"
+    return channel.displacement(codes) / MICROMETRE, "µm"
 
 
 def _npz(columns: dict[str, NDArray[np.generic]], metadata: dict[str, str]) -> bytes:

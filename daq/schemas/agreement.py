@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.signals.snapshot import CounterReport, CounterState
+from analysis.signals.units import MICROSECOND
 from daq.schemas.units import Schema, degrees, finite, micrometres, rpm
 from model.prediction.comparison import Agreement, SynchronousAgreement, WhirlAgreement
 
@@ -166,8 +167,8 @@ def counter_schema(counter: CounterReport | None) -> CounterSchema | None:
         missing=counter.missing,
         extra=counter.extra,
         out_of_tolerance=counter.out_of_tolerance,
-        mean_difference_us=finite(counter.mean_difference * 1e6),
-        largest_difference_us=finite(counter.largest_difference * 1e6),
+        mean_difference_us=finite(counter.mean_difference / MICROSECOND),
+        largest_difference_us=finite(counter.largest_difference / MICROSECOND),
         recent=counter.recent,
         recent_mismatches=counter.recent_mismatches,
         message=counter.message,

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from analysis.signals.header import Role, RunHeader, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState, Whirl
+from analysis.signals.units import MICROSECOND
 from daq.schemas.agreement import CounterSchema, counter_schema
 from daq.schemas.events import AlarmSchema, LiveMarkerSchema, alarm_schema, live_marker_schema
 from daq.schemas.header import (
@@ -266,7 +267,7 @@ def _measured(snapshot: Snapshot, header: RunHeader) -> MeasurementSchema:
             pulses=tacho.pulses,
             filled=tacho.filled,
             rejected=tacho.rejected,
-            jitter_us=finite(tacho.jitter * 1e6),
+            jitter_us=finite(tacho.jitter / MICROSECOND),
             phase_reference_is_arbitrary=tacho.phase_reference_is_arbitrary,
             reference=header.acquisition.tacho.reference,
             counter=counter_schema(snapshot.counter),

@@ -14,7 +14,7 @@ from daq.config.rig import Rig
 from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
 from daq.schemas.header import DeviceSchema, device_schema
-from daq.schemas.units import Schema, finite
+from daq.schemas.units import Schema, finite, micrometres
 from daq.session.preflight.preflight import PreflightReport
 
 
@@ -64,7 +64,7 @@ def gap_calibration_schema(
         volts_high=table.volts_high,
         residual_um=table.residual_um,
         points=tuple(
-            CalibratedPointSchema(gap_um=point.gap_um, volts=point.volts, residual_um=finite(float(off) * 1e6))
+            CalibratedPointSchema(gap_um=point.gap_um, volts=point.volts, residual_um=micrometres(float(off)))
             for point, off in zip(record.point, fit.residuals, strict=True)
         ),
     )

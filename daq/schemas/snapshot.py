@@ -10,7 +10,7 @@ from analysis.signals.header import Role, RunHeader
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
-from daq.schemas.units import Schema, finite, lag_degrees, micrometres, rpm
+from daq.schemas.units import Schema, finite, lags_degrees, micrometres, rpm
 from daq.session.live_update import LiveUpdate
 from model.prediction.prediction import Prediction
 
@@ -106,8 +106,8 @@ def order_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFra
         orders=tuple(finite(order) for order in frame.orders.tolist()),
         amplitude_peak_x_um=tuple(micrometres(value) for value in x.tolist()),
         amplitude_peak_y_um=tuple(micrometres(value) for value in y.tolist()),
-        lag_x_deg=tuple(lag_degrees(value) for value in frame.spectrum[0].tolist()),
-        lag_y_deg=tuple(lag_degrees(value) for value in frame.spectrum[1].tolist()),
+        lag_x_deg=lags_degrees(frame.spectrum[0]),
+        lag_y_deg=lags_degrees(frame.spectrum[1]),
         noise_peak_um=micrometres(frame.noise),
     )
 

@@ -12,6 +12,7 @@ from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import Severity
 from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoState
+from analysis.signals.units import MICROSECOND
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
 from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
@@ -282,7 +283,7 @@ def summary_schema(
             pulses=tacho.pulses,
             filled=tacho.filled,
             rejected=tacho.rejected,
-            jitter_us=finite(tacho.jitter * 1e6),
+            jitter_us=finite(tacho.jitter / MICROSECOND),
             phase_reference_is_arbitrary=tacho.phase_reference_is_arbitrary,
             snapshots_by_state={TachoState(state): count for state, count in summary.tacho_states.items()},
             reference=summary.tacho_reference,

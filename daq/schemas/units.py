@@ -1,13 +1,16 @@
-"""Base class of the schemas, and conversion from SI and radians to their units: µm, r/min, degrees of lag.
+"""Base class of the schemas, and their numbers: SI and radians converted to µm, r/min and degrees, then rounded.
 
 Numbers are rounded to four decimals, far below the resolution of the probes; NaN and infinity become None.
 """
 
-import cmath
 import math
 from datetime import UTC, datetime
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
+
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 
 
 class Schema(BaseModel):
@@ -26,12 +29,12 @@ def finite(value: float) -> float | None:
 
 def micrometres(value: float) -> float | None:
     """Return a length in m as µm."""
-    return finite(value * 1e6)
+    return finite(value / MICROMETRE)
 
 
 def rpm(speed: float) -> float | None:
     """Return a speed in rad/s as r/min (an acceleration in rad/s² as r/min per s)."""
-    return finite(speed * 30 / math.pi)
+    return finite(speed / RPM)
 
 
 def degrees(angle: float) -> float | None:
@@ -41,9 +44,17 @@ def degrees(angle: float) -> float | None:
 
 def lag_degrees(vector: complex) -> float | None:
     """Return the phase lag -arg X of a vector in degrees, 0 up to 360; None where it has no direction."""
-    if not (cmath.isfinite(vector) and vector):
-        return None
-    return round(math.degrees(-math.atan2(vector.imag, vector.real)) % 360.0, DECIMALS) % 360.0
+    return _rounded_lag(phase_lag_degrees(vector))
+
+
+def lags_degrees(vectors: NDArray[np.complex128]) -> tuple[float | None, ...]:
+    """Return the phase lags of vectors as `lag_degrees` does."""
+    return tuple(map(_rounded_lag, phase_lag_degrees(vectors).tolist()))
+
+
+def _rounded_lag(lag: float) -> float | None:
+    rounded = finite(lag)
+    return None if rounded is None else rounded % 360.0  # 359.99999 rounds to 360
 
 
 def utc_time(nanoseconds: int) -> datetime:

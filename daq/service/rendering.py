@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role, RunHeader
+from analysis.signals.units import RPM
 from daq.reports.analysis_export import ANALYSIS_PATH, analysis_response
 from daq.reports.parameters import AnalysisQuery, FrameQuery, TrendQuery
 from daq.reports.plots.png import render_png
@@ -25,7 +26,6 @@ from daq.schemas.snapshot import full_spectrum_schema, orbit_schema, order_spect
 from daq.schemas.summary import speed_row_schema, sub_synchronous_schema
 from daq.schemas.units import Schema
 
-RPM = np.pi / 30.0
 RESPONSE_CACHE_SIZE = 128
 PLOT_PATH = re.compile(r"plots/([a-z-]+)\.(svg|png)")
 PLOT_SOURCES = {"bode": "order-vectors", "polar": "order-vectors"}  # results shown by plots with another name

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
+from analysis.signals.units import RPM
 from daq.errors import ConfigError
 from daq.reports.errors import (
     ArrowUnavailableError,
@@ -37,7 +38,6 @@ from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatErr
 from recordings.exchange.formats import read_table
 
 ResultT = TypeVar("ResultT")
-RPM = np.pi / 30.0
 MAX_SPEED_DIFFERENCE = 300.0 * RPM  # rad/s, between the requested speed and a measured bin
 
 

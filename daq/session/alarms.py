@@ -4,10 +4,8 @@ import math
 from collections.abc import Sequence
 
 from analysis.live.alarms import Alarm, MonitoredQuantity
+from analysis.signals.units import MICROMETRE, RPM
 from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
-
-MICRO = 1e-6
-RPM = 2 * math.pi / 60
 
 
 def alarm_name(alarm: Alarm) -> str:
@@ -20,8 +18,8 @@ def alarm_value_text(alarm: Alarm) -> str:
     """Return the largest value so far and the limit: "96 µm peak-to-peak, limit 90"."""
     if alarm.quantity is MonitoredQuantity.SPEED:
         return f"{alarm.largest / RPM:,.0f} r/min, limit {alarm.limit / RPM:,.0f}"
-    value, unit = alarm.largest / MICRO, "peak-to-peak" if alarm.quantity is MonitoredQuantity.OVERALL else "peak"
-    return f"{value:.{0 if value >= 20.0 else 1}f} µm {unit}, limit {alarm.limit / MICRO:g}"
+    value, unit = alarm.largest / MICROMETRE, "peak-to-peak" if alarm.quantity is MonitoredQuantity.OVERALL else "peak"
+    return f"{value:.{0 if value >= 20.0 else 1}f} µm {unit}, limit {alarm.limit / MICROMETRE:g}"
 
 
 def alarm_text(alarm: Alarm) -> str:

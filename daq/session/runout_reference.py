@@ -9,6 +9,7 @@ import numpy as np
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Acquisition, RunOutSettings
 from analysis.signals.snapshot import RunOut
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.spectra.order_spectrum import order_vectors
 from analysis.vectors.runout import RunOutEstimator
 from daq.config.rig import Rig
@@ -19,9 +20,6 @@ from daq.session.offline import results
 from recordings.catalogue.catalogue import SUFFIX
 from recordings.errors import RecordingError
 from recordings.mcap.reader import RunReader
-
-MICRO = 1e-6
-RPM = 2 * math.pi / 60
 
 
 def with_reference_runout(rig: Rig, folder: Path) -> Rig:
@@ -76,11 +74,11 @@ def _vector(order: int, runout: RunOut) -> RunOutVector:
     x, y = runout.vectors[order - 1].tolist()
     return RunOutVector(
         order=order,
-        x_um=abs(x) / MICRO,
-        x_lag_deg=math.degrees(-math.atan2(x.imag, x.real)),
-        y_um=abs(y) / MICRO,
-        y_lag_deg=math.degrees(-math.atan2(y.imag, y.real)),
-        sigma_um=float(runout.sigma[order - 1]) / MICRO if order <= len(runout.sigma) else 0.0,
+        x_um=abs(x) / MICROMETRE,
+        x_lag_deg=phase_lag_degrees(x) if x else 0.0,
+        y_um=abs(y) / MICROMETRE,
+        y_lag_deg=phase_lag_degrees(y) if y else 0.0,
+        sigma_um=float(runout.sigma[order - 1]) / MICROMETRE if order <= len(runout.sigma) else 0.0,
     )
 
 

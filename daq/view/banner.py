@@ -4,6 +4,7 @@ import math
 
 from analysis.signals.header import Role, Severity
 from analysis.signals.snapshot import TachoState
+from analysis.signals.units import MICROMETRE, RPM
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.view.drawing import (
     ALARM,
@@ -23,7 +24,7 @@ from daq.view.status_text import clock, disk_time, rpm, worst_alarm
 from daq.view.stroke_font import text_width
 
 BOUNDS = ((0.0, 1900.0), (8.0, 180.0))
-_STEADY = 3.0 * math.pi / 30.0  # rad/s²: up to 3 r/min per second no ramp is shown
+_STEADY = 3.0 * RPM  # rad/s²: up to 3 r/min per second no ramp is shown
 _BLOCKS: dict[Severity, tuple[str, Color, Color]] = {
     Severity.NORMAL: ("NORMAL", GOOD, TEXT),
     Severity.ALARM: ("ALARM", ALARM, DARK_TEXT),
@@ -58,11 +59,11 @@ def _speed(drawing: Drawing, update: LiveUpdate) -> None:
 def _overall(drawing: Drawing, update: LiveUpdate) -> None:
     drawing.text("µm peak-to-peak", (735.0, 38.0), 22.0, LABEL)
     for name, row, color, left in (("x", 0, MEASURED_X, 735.0), ("y", 1, MEASURED_Y, 940.0)):
-        value = "--" if update.snapshot is None else f"{update.snapshot.peak_to_peak[row] * 1e6:.0f}"
+        value = "--" if update.snapshot is None else f"{update.snapshot.peak_to_peak[row] / MICROMETRE:.0f}"
         drawing.text(name, (left, 116.0), 36.0, color)
         drawing.text(value, (left + 42.0, 116.0), 58.0, color)
     limits = update.header.limits
-    text = f"alarm {limits.peak_to_peak_alarm * 1e6:.0f}   danger {limits.peak_to_peak_danger * 1e6:.0f}"
+    text = f"alarm {limits.peak_to_peak_alarm / MICROMETRE:.0f}   danger {limits.peak_to_peak_danger / MICROMETRE:.0f}"
     drawing.text(text, (735.0, 160.0), 20.0, LABEL)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import RunHeader
 from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Anchor, Color, Drawing, dimmed
 from model.prediction.prediction import Prediction
@@ -19,13 +20,6 @@ BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
 _BINS = 250
 _FONT_SIZE = 7.0
 _DASH = 2.5  # length, of run-down lines
-_MICRO = 1e6
-_TO_RPM = 30.0 / math.pi
-
-
-def phase_lag(vector: ComplexArray) -> FloatArray:
-    """Return the phase lag, degrees from 0 to 360, of vectors of any shape."""
-    return np.asarray(np.mod(-np.degrees(np.angle(vector)), 360.0), dtype=np.float64)
 
 
 class BodePlot:
@@ -41,7 +35,7 @@ class BodePlot:
     """
 
     def __init__(self, header: RunHeader) -> None:
-        self._top = header.limits.speed * _TO_RPM
+        self._top = header.limits.speed / RPM
         self._speeds = (np.arange(_BINS) + 0.5) * self._top / _BINS
         self._ramp = RampTracker()
         self._measured = {direction: _no_vectors() for direction in RampDirection}
@@ -62,8 +56,8 @@ class BodePlot:
             self._store(prediction.speed, prediction.vectors, self._predicted)
 
     def _store(self, speed: float, vectors: ComplexArray, into: ComplexArray) -> None:
-        if 0.0 <= speed * _TO_RPM < self._top and np.isfinite(vectors).all():
-            into[int(speed * _TO_RPM / self._top * _BINS)] = vectors * _MICRO
+        if 0.0 <= speed / RPM < self._top and np.isfinite(vectors).all():
+            into[int(speed / RPM / self._top * _BINS)] = vectors / MICROMETRE
 
     def _in_direction(self, direction: RampDirection) -> ComplexArray:
         """Return the measured vectors of a ramp direction by speed."""
@@ -121,7 +115,7 @@ class BodePlot:
                     speeds = self._speeds[stretch]
                     lines = [amplitude.place(speeds, np.abs(vector))]
                     if order == 0:
-                        lines.append(lag.place(*_broken_at_wrap(speeds, phase_lag(vector))))
+                        lines.append(lag.place(*_broken_at_wrap(speeds, phase_lag_degrees(vector))))
                     for line in lines:
                         drawing.line(line, dimmed(color, share), width, dash)
 

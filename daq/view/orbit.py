@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame
+from analysis.signals.units import MICROMETRE
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Anchor, Color, Drawing, dimmed
 from model.prediction.prediction import Prediction
@@ -13,7 +14,6 @@ FloatArray = NDArray[np.float64]
 
 BOUNDS = ((-126.0, 106.0), (-113.0, 128.0))  # of the plane: x, y
 _FONT_SIZE = 6.5
-_MICRO = 1e6
 
 
 class OrbitPlot:
@@ -26,7 +26,7 @@ class OrbitPlot:
     """
 
     def __init__(self, header: RunHeader) -> None:
-        self._clearance = header.limits.clearance * _MICRO
+        self._clearance = header.limits.clearance / MICROMETRE
         self._points = header.settings.points_per_revolution
         self._scale = AutoScale(minimum=5.0)
 
@@ -35,7 +35,7 @@ class OrbitPlot:
         orbits = [one.orbit for one in (frame, prediction) if one is not None and one.orbit.size]
         if not orbits:
             return self._scale.end
-        return self._scale.follow(max(float(np.hypot(*orbit).max()) * _MICRO for orbit in orbits))
+        return self._scale.follow(max(float(np.hypot(*orbit).max()) / MICROMETRE for orbit in orbits))
 
     def axes(self) -> Drawing:
         """Return axes, legend, and the clearance circle, in a small inset where it exceeds the scale."""
@@ -69,12 +69,12 @@ class OrbitPlot:
         """
         drawing = Drawing()
         if frame is not None and frame.orbit.size:
-            orbit = frame.orbit * _MICRO
+            orbit = frame.orbit / MICROMETRE
             if frame.compensated_orbit is not None:
                 self._turns(drawing, orbit[:, -self._points - 1 :], dimmed(LABEL, 0.6), 1.3)
                 drawing.text("compensated", (97.0, 97.0), 0.9 * _FONT_SIZE, MEASURED_X, Anchor.RIGHT)
                 drawing.text("measured", (97.0, 87.0), 0.9 * _FONT_SIZE, dimmed(LABEL, 0.6), Anchor.RIGHT)
-                orbit = frame.compensated_orbit * _MICRO
+                orbit = frame.compensated_orbit / MICROMETRE
             last = orbit.shape[1] - self._points
             self._turns(drawing, orbit[:, : last + 1], dimmed(MEASURED_X, 0.5), 1.3)
             self._turns(drawing, orbit[:, last:], MEASURED_X, 2.4)
@@ -85,7 +85,7 @@ class OrbitPlot:
         """Return the predicted orbit with ``points`` points per revolution."""
         drawing = Drawing()
         if prediction is not None and prediction.orbit.size:
-            orbit = prediction.orbit * _MICRO
+            orbit = prediction.orbit / MICROMETRE
             part = np.arange(orbit.shape[1]) % points * 2 * _DASHES // points
             for dash in np.split(np.arange(orbit.shape[1]), np.flatnonzero(np.diff(part)) + 1):
                 if part[dash[0]] % 2 == 0:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.signals.units import MICROMETRE, RPM
 from analysis.spectra.waterfall import Cascade, Waterfall
 from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
@@ -24,7 +25,6 @@ MIN_AMPLITUDE, MAX_AMPLITUDE = 0.1, 50.0  # µm peak: ends of the logarithmic co
 COLUMNS, ROWS = 150, 100
 FONT_SIZE = 3.9
 MAP_BOUNDS = ((-24.0, 172.0), (-12.0, 118.0))
-_MICRO = 1e6
 _ORDERS = (np.arange(COLUMNS) + 0.5) * HIGHEST_ORDER / COLUMNS
 
 
@@ -54,13 +54,10 @@ def map_axes(plot: Plot) -> Drawing:
 
 def map_picture(orders: FloatArray, amplitudes: FloatArray) -> rr.Image:
     """Return amplitudes of shape (`ROWS`, n_orders), m peak, lowest row first, as a colour image."""
-    level = np.stack([np.interp(_ORDERS, orders, row) for row in amplitudes]) * _MICRO
+    level = np.stack([np.interp(_ORDERS, orders, row) for row in amplitudes]) / MICROMETRE
     with np.errstate(divide="ignore"):
         level = np.log(level / MIN_AMPLITUDE) / math.log(MAX_AMPLITUDE / MIN_AMPLITUDE)
     return rr.Image(np.ascontiguousarray(shades(level)[::-1]), color_model="RGB")
-
-
-_TO_RPM = 30.0 / math.pi
 
 
 class CascadePlot:
@@ -76,7 +73,7 @@ class CascadePlot:
 
     def __init__(self, header: RunHeader) -> None:
         top = header.limits.speed
-        self._plot = map_plot(Axis(0.0, top * _TO_RPM, "speed, r/min"))
+        self._plot = map_plot(Axis(0.0, top / RPM, "speed, r/min"))
         self._cascade = Cascade(header.settings, top, ROWS)
         self._predicted: FloatArray = np.full(ROWS, np.nan)
         self._row_width = top / ROWS
@@ -99,14 +96,14 @@ class CascadePlot:
     def lines(self, frame: OrderFrame | None) -> Drawing:
         """Return the predicted whirl over speed and a line at the present speed."""
         drawing = Drawing()
-        speeds = self._cascade.speeds * _TO_RPM
+        speeds = self._cascade.speeds / RPM
         drawing.line(self._plot.place(self._predicted[_nearest(self._cascade.filled)], speeds), MODEL, 0.9)
         known = np.flatnonzero(np.isfinite(self._predicted))
         if known.size:
             at = self._plot.place(self._predicted[known[-1:]], speeds[known[-1:]])[0]
             drawing.text("model", (float(at[0]) + 2.0, float(at[1])), FONT_SIZE, MODEL)
         if frame is not None:
-            speed = frame.speed * _TO_RPM
+            speed = frame.speed / RPM
             drawing.line(self._plot.place([0.0, HIGHEST_ORDER], [speed, speed]), dimmed(TEXT, 0.6), 0.35)
         return drawing
 

@@ -7,6 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from analysis.signals.snapshot import OrderFrame
+from analysis.signals.units import MICROMETRE
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Anchor, Color, Drawing, dimmed
 from daq.view.status_text import micrometres
@@ -17,7 +18,6 @@ BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
 HIGHEST_ORDER = 3.0
 FONT_SIZE = 7.5
 _LINE = 1.4 * FONT_SIZE  # line spacing of labels
-_MICRO = 1e6
 
 _Label: TypeAlias = tuple[float, float, str, Color]  # order, amplitude in µm, label
 PlacedLabel: TypeAlias = tuple[float, float, str, Color]
@@ -34,7 +34,7 @@ class SpectrumPlot:
         """Update the scale; return its end, µm, to detect changed axes."""
         spectra = [np.abs(one.spectrum) for one in (frame, prediction) if one is not None and one.spectrum.size]
         # a fifth above the highest line is for its label
-        return self._scale.follow(1.2 * _MICRO * max((float(s.max()) for s in spectra), default=math.nan))
+        return self._scale.follow(1.2 * max((float(s.max()) for s in spectra), default=math.nan) / MICROMETRE)
 
     def axes(self) -> Drawing:
         """Return axes and legend."""
@@ -55,7 +55,7 @@ class SpectrumPlot:
         plot = self._plot()
         shown = frame.orders <= HIGHEST_ORDER + 1e-9
         for row, color in ((1, MEASURED_Y), (0, MEASURED_X)):
-            amplitude = np.abs(frame.spectrum[row, shown]) * _MICRO
+            amplitude = np.abs(frame.spectrum[row, shown]) / MICROMETRE
             drawing.line(plot.place(frame.orders[shown], amplitude), color, 1.7)
         return drawing
 
@@ -67,7 +67,7 @@ class SpectrumPlot:
         plot = self._plot()
         shown = prediction.orders <= HIGHEST_ORDER + 1e-9
         for row, share in ((1, 0.6), (0, 1.0)):
-            amplitude = prediction.spectrum[row, shown] * _MICRO
+            amplitude = prediction.spectrum[row, shown] / MICROMETRE
             width = 2.2 if row == 0 else 1.7
             drawing.line(plot.place(prediction.orders[shown], amplitude), dimmed(MODEL, share), width, MODEL_DASH)
         return drawing
@@ -96,15 +96,15 @@ class SpectrumPlot:
         if frame is not None and frame.orders.size:
             for order, vector in ((1, frame.vectors[0]), (2, frame.vectors[1])):
                 size = float(np.abs(vector).max())
-                if size * _MICRO > 0.02 * self._scale.end:
-                    yield order, size * _MICRO, f"{order}X {micrometres(size)}", TEXT
+                if size / MICROMETRE > 0.02 * self._scale.end:
+                    yield order, size / MICROMETRE, f"{order}X {micrometres(size)}", TEXT
             for whirl in frame.whirls:
-                size = float(np.abs(whirl.vectors).max()) * _MICRO
+                size = float(np.abs(whirl.vectors).max()) / MICROMETRE
                 yield whirl.order, size, f"{whirl.order:.2f}X {micrometres(whirl.amplitude)}", TEXT
         if prediction is not None and math.isfinite(prediction.whirl_order) and prediction.whirl_amplitude > 0.0:
             size = prediction.whirl_amplitude
             name = f"model {prediction.whirl_order:.2f}X {micrometres(size)}"
-            yield prediction.whirl_order, size * _MICRO, name, MODEL
+            yield prediction.whirl_order, size / MICROMETRE, name, MODEL
 
     def _plot(self) -> Plot:
         axes = Axis(0.0, HIGHEST_ORDER, "order, X", ticks=6), Axis(0.0, self._scale.end, "amplitude, µm peak")

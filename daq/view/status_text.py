@@ -4,12 +4,10 @@ import cmath
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.session.live_update import LiveUpdate
-from daq.view.bode import phase_lag
 from daq.view.drawing import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Anchor, Color, Drawing
 from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction
@@ -17,7 +15,7 @@ from model.prediction.prediction import Prediction
 
 def rpm(speed: float) -> str:
     """Return a speed, rad/s, in whole r/min."""
-    return f"{speed * 30.0 / math.pi:,.0f}"
+    return f"{speed / RPM:,.0f}"
 
 
 def clock(elapsed: float) -> str:
@@ -36,7 +34,7 @@ def worst_alarm(alarms: Sequence[Alarm]) -> str:
     if worst.quantity is MonitoredQuantity.SPEED:
         return f"{word} {rpm(worst.largest)} r/min"
     which = "" if worst.quantity is MonitoredQuantity.OVERALL else f"{worst.quantity.value} "
-    return f"{word} {which}{worst.probe} {worst.largest * 1e6:.0f} µm"
+    return f"{word} {which}{worst.probe} {worst.largest / MICROMETRE:.0f} µm"
 
 
 def disk_time(left: float) -> str:
@@ -48,7 +46,7 @@ def disk_time(left: float) -> str:
 
 def micrometres(length: float) -> str:
     """Return a length, m, in µm with two or three significant digits."""
-    return f"{length * 1e6:.0f} µm" if abs(length) >= 9.95e-6 else f"{length * 1e6:.1f} µm"
+    return f"{length / MICROMETRE:.0f} µm" if abs(length) >= 9.95e-6 else f"{length / MICROMETRE:.1f} µm"
 
 
 def basis(prediction: Prediction) -> str:
@@ -63,7 +61,7 @@ def sigma(value: float) -> str:
 
 def vector(value: complex) -> str:
     """Return a vector, m peak, as amplitude and phase lag."""
-    return f"{micrometres(abs(value))}, {float(phase_lag(np.asarray(value))):.0f}°"
+    return f"{micrometres(abs(value))}, {phase_lag_degrees(value):.0f}°"
 
 
 _LAST_LATIN = 0x24F
@@ -254,7 +252,7 @@ def _uncertainty(order_frame: OrderFrame | None) -> str:
     """Return the standard deviations of 1X as text."""
     if order_frame is None or not math.isfinite(float(order_frame.compensated_sigma[0])):
         return ""
-    amplitude, lag = order_frame.compensated_sigma[0] * 1e6, order_frame.compensated_phase_sigma[0].max()
+    amplitude, lag = order_frame.compensated_sigma[0] / MICROMETRE, order_frame.compensated_phase_sigma[0].max()
     return f"  ± {sigma(float(amplitude))} µm  ± {sigma(math.degrees(float(lag)))}°"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE, MILLISECOND, RPM
 from daq.session.live_update import TimedMarker
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import (
@@ -65,7 +66,6 @@ FloatArray = NDArray[np.float64]
 
 TRACE_BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
 _FONT_SIZE = 7.0
-_MICRO = 1e6
 _POINTS = 600  # per curve; more are not visible
 _REVOLUTIONS = 6
 _SPANS = (0.01, 0.015, 0.02, 0.03, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0, 2.0)  # s
@@ -97,7 +97,7 @@ class TracePlot:
             turn = 2.0 * math.pi / snapshot.speed if snapshot.speed > 0.0 else math.inf
             wanted = min(_REVOLUTIONS * turn, float(trace.time[-1] - trace.time[0]))
             self._span = max((span for span in _SPANS if span <= 1.01 * wanted), default=_SPANS[0])
-            self._scale.follow(float(np.abs(trace.displacement).max()) * _MICRO)
+            self._scale.follow(float(np.abs(trace.displacement).max()) / MICROMETRE)
             self._volts = max(self._volts, math.ceil(float(np.abs(trace.tacho).max())))
         return self._span, self._scale.end, self._volts
 
@@ -121,20 +121,20 @@ class TracePlot:
         upper, lower = self._plots()
         since = trace.time - trace.time[-1]
         shown = since >= -self._span
-        milliseconds = since[shown] * 1e3
+        milliseconds = since[shown] / MILLISECOND
         for row, color in ((1, MEASURED_Y), (0, MEASURED_X)):
-            index, values = min_max_decimated(trace.displacement[row, shown] * _MICRO, _POINTS)
+            index, values = min_max_decimated(trace.displacement[row, shown] / MICROMETRE, _POINTS)
             drawing.line(upper.place(milliseconds[index], values), color, 1.5)
         index, values = min_max_decimated(trace.tacho[shown], _POINTS)
         drawing.line(lower.place(milliseconds[index], values), TACHO, 1.3)
         for marker in markers:
             at = marker.time - float(trace.time[-1])
             if marker.marker.segment == snapshot.segment and -self._span <= at <= 0.0:
-                draw_vertical_marker(drawing, (upper, lower), at * 1e3, marker)
+                draw_vertical_marker(drawing, (upper, lower), at / MILLISECOND, marker)
         return drawing
 
     def _plots(self) -> tuple[Plot, Plot]:
-        time = Axis(-self._span * 1e3, 0.0, "time before now, ms", ticks=6)
+        time = Axis(-self._span / MILLISECOND, 0.0, "time before now, ms", ticks=6)
         end = self._scale.end
         upper = Plot(0.0, 0.0, 300.0, 104.0, time, Axis(-end, end, "displacement, µm", ticks=4), font_size=_FONT_SIZE)
         volts = Axis(min(0.0, -0.1 * self._volts), 1.1 * self._volts, "tacho, V", ticks=2)
@@ -143,7 +143,6 @@ class TracePlot:
 
 TREND_BOUNDS = ((-46.0, 316.0), (-15.0, 192.0))
 _TREND_FONT_SIZE = 7.0
-_TO_RPM = 30.0 / math.pi
 _INTERVAL = 0.5  # s between two points; overall vibration is the largest between them
 _TREND_SPANS = (60.0, 300.0, 1800.0)  # s: the shortest that holds the run, or the longest
 
@@ -158,9 +157,9 @@ class TrendPlot:
 
     def add(self, snapshot: Snapshot, prediction: Prediction | None, elapsed: float) -> None:
         """Add the values of a snapshot and a prediction at a run time, s."""
-        x, y = (float(value) * _MICRO for value in snapshot.peak_to_peak)
-        model = math.nan if prediction is None else float(prediction.peak_to_peak.max()) * _MICRO
-        speed = snapshot.speed * _TO_RPM
+        x, y = (float(value) / MICROMETRE for value in snapshot.peak_to_peak)
+        model = math.nan if prediction is None else float(prediction.peak_to_peak.max()) / MICROMETRE
+        speed = snapshot.speed / RPM
         last = self._points[-1] if self._points else None
         if last is not None and elapsed < last[0] + _INTERVAL:
             self._points[-1] = (last[0], max(last[1], x), max(last[2], y), model, speed)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from analysis.signals.units import MICROMETRE
 from daq.cli.arguments import AddCommand
 from daq.cli.model.arguments import (
     model_errors,
@@ -150,7 +151,7 @@ def _add_motion_arguments(command: argparse.ArgumentParser, settle: int) -> None
     command.add_argument(
         "--seed-um",
         type=non_negative,
-        default=DEFAULT_SEED * 1e6,
+        default=DEFAULT_SEED / MICROMETRE,
         help="disturbance of an unstable motion along each film's whirl (default: %(default)g; 0: none)",
     )
 
@@ -223,7 +224,7 @@ def _bifurcation(parameters: ModelParameters, args: argparse.Namespace) -> Study
 
 
 def _run_up(parameters: ModelParameters, args: argparse.Namespace) -> RunUp:
-    seed, station = args.seed_um * 1e-6, args.station
+    seed, station = args.seed_um * MICROMETRE, args.station
     return run_up(parameters, args.speeds, args.settle, _turns(args), station=station, seed=seed)
 
 
@@ -232,7 +233,7 @@ def _station(parameters: ModelParameters, args: argparse.Namespace) -> int:
 
 
 def _motion(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    seed, table = args.seed_um * 1e-6, MotionTable(args.show)
+    seed, table = args.seed_um * MICROMETRE, MotionTable(args.show)
     return motion_study(parameters, args.speed, args.station, args.settle, _turns(args), seed=seed, table=table)
 
 

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.cli.arguments import AddCommand, show_examples, speed
-from daq.cli.output.progress import RPM, Console
+from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
@@ -72,13 +73,13 @@ _TABLE_HEADER = "   r/min  1X x µm∠lag  1X y µm∠lag   below 1X µm     ove
 
 def _row(prediction: Prediction) -> str:
     """Return a row of the table: peak amplitudes, and overall vibration of x and y."""
-    x, y = (f"{abs(v) * 1e6:.2f}∠{math.degrees(-math.atan2(v.imag, v.real)) % 360:.0f}°" for v in prediction.vectors[0])
+    x, y = (f"{abs(v) / MICROMETRE:.2f}∠{phase_lag_degrees(v):.0f}°" for v in prediction.vectors[0])
     whirl = (
-        f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:6.1f}"
+        f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude / MICROMETRE:6.1f}"
         if prediction.whirl_amplitude > 0
         else "none"
     )
-    overall = " / ".join(f"{value * 1e6:5.1f}" for value in prediction.peak_to_peak)
+    overall = " / ".join(f"{value / MICROMETRE:5.1f}" for value in prediction.peak_to_peak)
     speed = f"{prediction.speed / RPM:8,.0f}"
     return f"{speed}  {x:>11}  {y:>11}   {whirl:12}   {overall:>13}  {prediction.growth_rate:+10.1f}"
 

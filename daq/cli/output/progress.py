@@ -8,10 +8,10 @@ from typing import TextIO
 
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.output.terminal import fit_to_width, terminal_width, wrap_line
 from daq.session.live_update import LiveUpdate, Status
 
-RPM = 2 * math.pi / 60
 _FILE_INTERVAL = 5.0  # s between progress lines where the output is no terminal
 _MAX_STEADY_ACCELERATION = 20 * RPM  # rad/s²; up to it the speed is shown as steady
 
@@ -76,7 +76,7 @@ def status_line(update: LiveUpdate) -> str:
         parts.append("waiting for the first samples")
     else:
         parts.append(_speed(update))
-        x, y = snapshot.peak_to_peak * 1e6
+        x, y = snapshot.peak_to_peak / MICROMETRE
         parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{_alarms(status)}")
     parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
     parts.append(f"lost {'' if status.lost_is_exact else '≥ '}{status.lost:,}")
@@ -124,9 +124,9 @@ def _whirl(update: LiveUpdate) -> list[str]:
     """Return the strongest component below 1X, measured and predicted."""
     snapshot, prediction = update.snapshot, update.prediction
     whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl
-    parts = [] if whirl is None else [f"{whirl.order:.2f}X {whirl.amplitude * 1e6:.0f} µm"]
+    parts = [] if whirl is None else [f"{whirl.order:.2f}X {whirl.amplitude / MICROMETRE:.0f} µm"]
     if prediction is not None and not math.isnan(prediction.whirl_order):
-        parts.append(f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude * 1e6:.0f} µm)")
+        parts.append(f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude / MICROMETRE:.0f} µm)")
     return parts
 
 

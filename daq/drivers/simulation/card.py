@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Acquisition, Channel, Device, Role
+from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec
-from daq.config.rig import MICRO, RPM, Rig
+from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.drivers.simulation import converter
 from daq.drivers.simulation.motion import MotionComponent, SamplingInstants
@@ -44,10 +45,10 @@ class SimulatedCard:
         self._probes = [
             SimulatedProbe(
                 rig.calibrations[config.channel[row].name],
-                standing_gap=bench.gap_um[number] * MICRO,
-                noise=bench.sensor_noise_um * MICRO,
+                standing_gap=bench.gap_um[number] * MICROMETRE,
+                noise=bench.sensor_noise_um * MICROMETRE,
                 bandwidth=bench.sensor_bandwidth_hz,
-                glitches=(bench.glitches_per_s, bench.glitch_um * MICRO),
+                glitches=(bench.glitches_per_s, bench.glitch_um * MICROMETRE),
                 rate=rate,
                 key=(bench.seed, number),
             )
@@ -58,8 +59,8 @@ class SimulatedCard:
             signal=TachoSignal(
                 high=bench.tacho_high_v,
                 low=bench.tacho_low_v,
-                rise=bench.tacho_rise_us * MICRO,
-                jitter=bench.tacho_jitter_us * MICRO,
+                rise=bench.tacho_rise_us * MICROSECOND,
+                jitter=bench.tacho_jitter_us * MICROSECOND,
             ),
             speed_profile=self._speed_profile,
             seed=bench.seed,

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import Acquisition, Role
-from daq.config.rig import MICRO, RPM, Rig
+from analysis.signals.units import MICROMETRE, RPM
+from daq.config.rig import Rig
 from daq.config.rotor import model_parameters
 from daq.config.schema import SimulationSection
 from daq.drivers.simulation.motion import (
@@ -127,8 +128,8 @@ def shaft_motion(rig: Rig, speed_profile: SpeedProfile, acquisition: Acquisition
         0.0, math.tau, size=2 + len(bench.whirl)
     )
     run_out = RunOut(
-        first=circular_vectors(bench.run_out_um * MICRO, first, angles),
-        second=circular_vectors(bench.second_order_um * MICRO, second, angles),
+        first=circular_vectors(bench.run_out_um * MICROMETRE, first, angles),
+        second=circular_vectors(bench.second_order_um * MICROMETRE, second, angles),
     )
     if bench.motion == "model":
         return MotionSum([run_out, ModelMotion(model_parameters(rig.config), speed_profile, acquisition.rate, angles)])
@@ -142,7 +143,7 @@ def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[
             order=whirl.order,
             onset=whirl.onset_rpm * RPM,
             end=whirl.end_rpm * RPM,
-            amplitude=whirl.amplitude_um * MICRO,
+            amplitude=whirl.amplitude_um * MICROMETRE,
             forward=whirl.forward,
             phase=phase,
         )
@@ -162,5 +163,5 @@ def _synchronous(rig: Rig, speed_profile: SpeedProfile, angles: tuple[float, flo
     return SynchronousMotion(
         speeds=np.concatenate([[0.0], speeds]),
         vectors=np.concatenate([np.zeros((2, 1)), vectors], axis=1),
-        static=towards_probes(angles, np.array([0.0, -rig.config.simulation.sag_um * MICRO])),
+        static=towards_probes(angles, np.array([0.0, -rig.config.simulation.sag_um * MICROMETRE])),
     )

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE, MILLISECOND, RPM, phase_lag_degrees
 from analysis.tacho.shaft_angle import ShaftAngle
 from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_TURNS, probe_envelopes
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.orbits import orders_of
-from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees
 from daq.reports.parameters import EnvelopesQuery, WaveformsQuery
 from daq.reports.plots.layouts import DISTINCT_COLOURS, SPEED_COLOUR
 from daq.reports.plots.panel import Curve, Panel, Style
@@ -87,8 +87,8 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
         raise InsufficientDataError(f"run {run.header.run}: the interval is shorter than {2.0 * INSET:g} s")
     times = np.linspace(begin, end, query.entries)
     found = solve_orders(run, span, angle, times, chosen)
-    speeds = angle.speed(angle.turns(times)) * RPM
-    sizes, sigma = np.abs(found.envelopes) * MICRO, found.sigma * MICRO
+    speeds = angle.speed(angle.turns(times)) / RPM
+    sizes, sigma = np.abs(found.envelopes) / MICROMETRE, found.sigma / MICROMETRE
     title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
     caption = f"solved together, band of {chosen.bandwidth_text}; ± {np.median(sigma):.2g} µm (median 1 σ)"
     panels = [
@@ -107,7 +107,7 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     for probe, name in enumerate("xy"):
         by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
         by_probe[f"sigma_peak_{name}_um"] = sigma[probe].ravel()
-        by_probe[f"lag_{name}_deg"] = in_degrees(found.envelopes[probe]).ravel()
+        by_probe[f"lag_{name}_deg"] = phase_lag_degrees(found.envelopes[probe]).ravel()
     return AnalysisResult(
         title=title,
         columns=columns(
@@ -139,8 +139,8 @@ def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
     times = np.asarray(angle.time(turns), dtype=np.float64)
     found = solve_orders(run, span, angle, times, chosen)
     turning = np.exp(2j * np.pi * np.array(chosen.orders)[:, None] * turns)
-    waves = (found.envelopes * turning).real * MICRO
-    sigma = float(np.median(found.sigma)) * MICRO
+    waves = (found.envelopes * turning).real / MICROMETRE
+    sigma = float(np.median(found.sigma)) / MICROMETRE
     speed = query.revolutions / (times[-1] - times[0]) * 60.0
     title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
     caption = f"solved together, band of {chosen.bandwidth_text}; ± {sigma:.2g} µm (median 1 σ); dots: keyphasor mark"
@@ -166,7 +166,7 @@ def _waves(
 ) -> Panel:
     """Return a plot of the waveforms of single orders with the keyphasor mark."""
     times, turns, rows = waves
-    shifted = 1e3 * (times - times[0])
+    shifted = (times - times[0]) / MILLISECOND
     marks = np.interp(np.arange(math.ceil(turns[0]), turns[-1]), turns, shifted)
     curves = [
         Curve(f"{order:g}X", shifted.tolist(), row.tolist(), colour=colour)

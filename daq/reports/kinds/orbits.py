@@ -6,10 +6,11 @@ import numpy as np
 
 from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import Pattern, PoincareSection, poincare_section
+from analysis.signals.units import MICROMETRE, MILLISECOND, RPM
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
-from daq.reports.kinds.prepared_record import MICRO, PreparedRecord, record_before_frame
+from daq.reports.kinds.prepared_record import PreparedRecord, record_before_frame
 from daq.reports.parameters import OrbitFilter, OrbitQuery, PoincareQuery
 from daq.reports.plots.layouts import orbit
 from daq.reports.plots.panel import Curve, Panel, Style
@@ -37,23 +38,24 @@ def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     prepared = record_before_frame(run, query, used, max(1.0, *orders))
     with translated_errors(f"run {run.header.run}"):
         found, what = _orbit(prepared, query, orders)
-    motion = found.motion * MICRO
+    motion = found.motion / MICROMETRE
     turns, points = motion.shape[1:]
     begin = found.times[0, 0]
     figures, ellipses = dict(prepared.figures), []
     for order, ellipse in zip(orders, found.ellipses, strict=False):
         sense = "forward" if ellipse.minor >= 0.0 else "backward"
-        size = f"{ellipse.major * MICRO:.3g} × {abs(ellipse.minor) * MICRO:.3g} ± {found.sigma * MICRO:.2g} µm peak"
+        major, minor, sigma = (size / MICROMETRE for size in (ellipse.major, abs(ellipse.minor), found.sigma))
+        size = f"{major:.3g} × {minor:.3g} ± {sigma:.2g} µm peak"
         ellipses.append(f"{order:g}X {sense}, {size}, tilt {math.degrees(ellipse.tilt):.0f}°")
     if found.ellipses:
         first = found.ellipses[0]
         figures |= {
-            "major_peak_um": first.major * MICRO,
-            "minor_peak_um": first.minor * MICRO,
+            "major_peak_um": first.major / MICROMETRE,
+            "minor_peak_um": first.minor / MICROMETRE,
             "tilt_deg": math.degrees(first.tilt),
-            "sigma_peak_um": found.sigma * MICRO,
+            "sigma_peak_um": found.sigma / MICROMETRE,
         }
-    x, y = found.peak_to_peak * MICRO
+    x, y = found.peak_to_peak / MICROMETRE
     title = f"{run.header.run} · {what} orbit{prepared.title_suffix} · {prepared.position}"
     extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
     caption = "; ".join([*ellipses[:1], extent])
@@ -91,12 +93,14 @@ def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...
 
 def _timebase(found: FilteredOrbit, begin: float) -> Panel:
     """Return a plot of X and Y over time with the keyphasor mark."""
-    times = 1e3 * (found.times - begin)
+    times = (found.times - begin) / MILLISECOND
     curves = [
-        Curve(name, times.ravel().tolist(), (row * MICRO).ravel().tolist(), colour=colour)
+        Curve(name, times.ravel().tolist(), (row / MICROMETRE).ravel().tolist(), colour=colour)
         for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
     ]
-    marks = [Curve("", times[:, 0].tolist(), (row * MICRO).tolist(), Style.KEYPHASOR) for row in found.keyphasor_points]
+    marks = [
+        Curve("", times[:, 0].tolist(), (row / MICROMETRE).tolist(), Style.KEYPHASOR) for row in found.keyphasor_points
+    ]
     return Panel("time base, dots: keyphasor mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
 
 
@@ -105,10 +109,10 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
         found = poincare_section(prepared.record)
-    points = found.points * MICRO
+    points = found.points / MICROMETRE
     title = f"{run.header.run} · Poincaré section{prepared.title_suffix} · {prepared.position}"
     pattern = _pattern(found)
-    scatter = found.scatter * MICRO
+    scatter = found.scatter / MICROMETRE
     caption = f"{query.revolutions} turns: {pattern}; scatter {scatter:.3g} µm RMS"
     dots = Curve("", points[0].tolist(), points[1].tolist(), Style.DOTS)
     return AnalysisResult(
@@ -116,7 +120,7 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
         columns=columns(
             revolution=np.arange(points.shape[1]),
             time_s=prepared.record.times[:-1],
-            speed_rpm=found.speeds * 30.0 / np.pi,
+            speed_rpm=found.speeds / RPM,
             X_um=points[0],
             Y_um=points[1],
         ),

@@ -3,10 +3,10 @@
 import numpy as np
 
 from analysis.shaft.overall import Overall, overall
+from analysis.signals.units import MICROMETRE, RPM
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
-from daq.reports.kinds.prepared_record import MICRO, RPM
 from daq.reports.parameters import OverallQuery
 from daq.reports.plots.layouts import SPEED_COLOUR
 from daq.reports.plots.panel import Curve, Panel, Style
@@ -26,24 +26,24 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
     try:
         angle = run.shaft_angle(span)[1]
         half = 0.5 * query.interval_s
-        speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s * RPM
+        speeds = 2.0 * np.pi * (angle.turns(times + half) - angle.turns(times - half)) / query.interval_s / RPM
     except InsufficientDataError as error:
         remarks = (f"speeds are unknown: {error}",)
     larger = sizes.max(axis=0)
     severity = np.array([limits.severity(value).value for value in larger.tolist()])
-    x, y = sizes * MICRO
+    x, y = sizes / MICROMETRE
     at = int(np.argmax(larger))
     title = f"{run.header.run} · overall vibration · {times[0]:.1f} to {times[-1]:.1f} s"
     speed_text = f", {speeds[at]:,.0f} r/min" if np.isfinite(speeds[at]) else ""
     left_out = parts[0][0].excluded_samples
     caption = (
-        f"largest {larger[at] * MICRO:.3g} µm at {times[at]:.1f} s{speed_text}, "
+        f"largest {larger[at] / MICROMETRE:.3g} µm at {times[at]:.1f} s{speed_text}, "
         f"{100 * larger[at] / (2.0 * limits.clearance):.0f} % of the clearance; the {left_out} samples at either "
         "extreme are excluded"
     )
     ends = [float(times[0]), float(times[-1])]
     limit_lines = [
-        Curve(f"{name} {limit * MICRO:g}", ends, [limit * MICRO] * 2, Style.GUIDE)
+        Curve(f"{name} {limit / MICROMETRE:g}", ends, [limit / MICROMETRE] * 2, Style.GUIDE)
         for name, limit in (("alarm", limits.peak_to_peak_alarm), ("danger", limits.peak_to_peak_danger))
     ]
     curves = (Curve("x", times.tolist(), x.tolist()), Curve("y", times.tolist(), y.tolist()), *limit_lines)
@@ -61,7 +61,7 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
             Panel(title, "s", "µm peak-to-peak", curves, caption),
             Panel("speed", "s", "r/min", (speed_curve,), x_range=(ends[0], ends[1])),
         ),
-        figures={"peak_to_peak_max_um": float(larger[at]) * MICRO},
+        figures={"peak_to_peak_max_um": float(larger[at]) / MICROMETRE},
         remarks=remarks,
     )  # fmt: skip
 

@@ -4,10 +4,11 @@ import numpy as np
 
 from analysis.shaft.centreline import centreline
 from analysis.shaft.poincare import bifurcation_diagram
+from analysis.signals.units import MICROMETRE, RPM
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
-from daq.reports.kinds.prepared_record import MICRO, RPM, PreparedRecord, record_over_interval
+from daq.reports.kinds.prepared_record import PreparedRecord, record_over_interval
 from daq.reports.parameters import BifurcationQuery, CentrelineQuery
 from daq.reports.plots.panel import Curve, Panel, Style
 from daq.reports.run_samples import RunSamples
@@ -23,7 +24,7 @@ def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisRes
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         speeds, positions = bifurcation_diagram(prepared.record, averaging_revolutions=query.averaging_revolutions)
-    speeds, positions = speeds * RPM, positions * MICRO
+    speeds, positions = speeds / RPM, positions / MICROMETRE
     step = -(-speeds.size // MAX_DOTS)
     shown = slice(None, None, step)
     title = f"{run.header.run} · bifurcation diagram{prepared.title_suffix} · {prepared.position}"
@@ -54,14 +55,14 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         found = centreline(prepared.record, rest, clearance, revolutions=query.revolutions)
-    x, y = found.positions * MICRO
-    sigma, speeds = found.sigma * MICRO, found.speeds * RPM
+    x, y = found.positions / MICROMETRE
+    sigma, speeds = found.sigma / MICROMETRE, found.speeds / RPM
     title = f"{run.header.run} · shaft centreline · {prepared.position}"
-    caption = f"{reference}; ± {np.median(sigma):.2g} µm (1 σ); circle: clearance of {clearance * MICRO:g} µm"
-    around, above = (found.circle() * MICRO).tolist()
+    caption = f"{reference}; ± {np.median(sigma):.2g} µm (1 σ); circle: clearance of {clearance / MICROMETRE:g} µm"
+    around, above = (found.circle() / MICROMETRE).tolist()
     notes: list[tuple[str, float, float]] = []
     for speed, across, up in zip(speeds.tolist(), x.tolist(), y.tolist(), strict=True):
-        if all(np.hypot(across - a, up - b) > LABEL_SPACING * clearance * MICRO for _, a, b in notes):
+        if all(np.hypot(across - a, up - b) > LABEL_SPACING * clearance / MICROMETRE for _, a, b in notes):
             notes.append((f"{speed:,.0f}", across, up))
     panel = Panel(
         title, "X to the right, µm; r/min along the path", "Y up, µm",
@@ -87,10 +88,10 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
 def _rest_position(prepared: PreparedRecord, query: CentrelineQuery) -> tuple[np.ndarray, str]:
     """Return the displacement at the probes at rest, m, and its source."""
     if query.rest_x_um is not None and query.rest_y_um is not None:
-        rest = np.array([query.rest_x_um, query.rest_y_um]) / MICRO
+        rest = np.array([query.rest_x_um, query.rest_y_um]) * MICROMETRE
         return rest, "rest position as given"
     record = prepared.record
     slowest = np.argsort(record.speeds)[: min(query.revolutions, record.revolutions)]
-    speed = float(record.speeds[slowest].mean()) * RPM
+    speed = float(record.speeds[slowest].mean()) / RPM
     source = f"the slowest {slowest.size} turns, {speed:,.0f} r/min, taken as the rest position"
     return record.waveform[:, slowest].mean(axis=(1, 2)), source

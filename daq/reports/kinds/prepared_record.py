@@ -1,6 +1,5 @@
 """Angular record for an analysis: run-out subtracted, with quality values and title texts."""
 
-import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -8,13 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.reports.parameters import FrameAnalysisQuery, ShaftAngleIntervalQuery
 from daq.reports.run_samples import RunSamples
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
-MICRO = 1e6  # µm in a metre
-RPM = 30.0 / math.pi  # r/min in a rad/s
 MAX_REPAIRED_FRACTION = 0.02  # of the pulses, filled or rejected, above which a remark is made
 
 
@@ -42,7 +40,7 @@ class PreparedRecord:
     @property
     def position(self) -> str:
         """Speed and time of the record as displayed in a title."""
-        speeds = self.record.speeds * RPM
+        speeds = self.record.speeds / RPM
         if float(np.ptp(speeds)) < 0.02 * float(speeds.max()):
             return f"{speeds.mean():,.0f} r/min at {self.record.times[-1]:.1f} s"
         begin, end = self.record.times[[0, -1]]
@@ -64,19 +62,14 @@ def record_before_frame(
     return _prepared(run, record, query.slow_roll_rpm, span.segment)
 
 
-def in_degrees(vectors: NDArray[np.complex128]) -> FloatArray:
-    """Return phase lags, 0 up to 360 degrees."""
-    return np.asarray(np.degrees(-np.angle(vectors)) % 360.0, dtype=np.float64)
-
-
 def _prepared(
     run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None
 ) -> PreparedRecord:
     figures = {
-        "speed_min_rpm": float(record.speeds.min()) * RPM,
-        "speed_max_rpm": float(record.speeds.max()) * RPM,
+        "speed_min_rpm": float(record.speeds.min()) / RPM,
+        "speed_max_rpm": float(record.speeds.max()) / RPM,
         "revolutions": float(record.revolutions),
-        "jitter_us": record.angle_jitter * 1e6,
+        "jitter_us": record.angle_jitter / MICROSECOND,
     }
     remarks = []
     if record.pulses is not None:
@@ -91,7 +84,7 @@ def _prepared(
     if slow_roll_rpm is None:
         return PreparedRecord(record, "", figures, tuple(remarks))
     roll = run.slow_roll(segment, slow_roll_rpm, record.points)
-    x, y = roll.peak_to_peak * MICRO
+    x, y = roll.peak_to_peak / MICROMETRE
     source = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min subtracted, "
-    remarks.append(source + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() * MICRO:.2f} µm")
+    remarks.append(source + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() / MICROMETRE:.2f} µm")
     return PreparedRecord(roll.subtract_waveform(record), " compensated", figures, tuple(remarks))

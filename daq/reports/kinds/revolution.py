@@ -4,10 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.synchronous_average import synchronous_average
+from analysis.signals.units import MICROMETRE, RPM
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
-from daq.reports.kinds.prepared_record import MICRO, RPM, record_before_frame
+from daq.reports.kinds.prepared_record import record_before_frame
 from daq.reports.parameters import AverageQuery, SlowRollQuery
 from daq.reports.plots.panel import Curve, Panel
 from daq.reports.run_samples import MIN_POINTS, RunSamples
@@ -22,10 +23,10 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
         found = synchronous_average(prepared.record)
-    mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) * MICRO
-    rest = (prepared.record.waveform - found.waveform[:, None]) * MICRO
+    mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) / MICROMETRE
+    rest = (prepared.record.waveform - found.waveform[:, None]) / MICROMETRE
     residual = np.sqrt(np.mean(rest**2, axis=1))
-    sigma = found.sigma * MICRO
+    sigma = found.sigma / MICROMETRE
     degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
     title = f"{run.header.run} · synchronous average{prepared.title_suffix} · {prepared.position}"
     caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
@@ -50,10 +51,10 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
 def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
     """Return the run-out measured in the slow roll of the run."""
     found = run.slow_roll(query.segment, query.slow_roll_rpm, MIN_POINTS)
-    waveform, sigma = found.waveform * MICRO, found.sigma * MICRO
+    waveform, sigma = found.waveform / MICROMETRE, found.sigma / MICROMETRE
     degrees = np.arange(waveform.shape[1]) * 360.0 / waveform.shape[1]
-    title = f"{run.header.run} · run-out · {found.slowest * RPM:,.0f} to {found.fastest * RPM:,.0f} r/min"
-    x, y = found.peak_to_peak * MICRO
+    title = f"{run.header.run} · run-out · {found.slowest / RPM:,.0f} to {found.fastest / RPM:,.0f} r/min"
+    x, y = found.peak_to_peak / MICROMETRE
     size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
     verdict = "" if found.drift <= 0.2 else "; THE SHAFT MOVED: 1X drifted"
     one = found.vectors(1)
@@ -63,12 +64,12 @@ def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
         panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),
         figures={
             "revolutions": float(found.revolutions),
-            "speed_min_rpm": found.slowest * RPM,
-            "speed_max_rpm": found.fastest * RPM,
+            "speed_min_rpm": found.slowest / RPM,
+            "speed_max_rpm": found.fastest / RPM,
             "runout_sigma_x_um": float(sigma[0]),
             "runout_sigma_y_um": float(sigma[1]),
-            "amplitude_peak_x_um": abs(one[0]) * MICRO,
-            "amplitude_peak_y_um": abs(one[1]) * MICRO,
+            "amplitude_peak_x_um": abs(one[0]) / MICROMETRE,
+            "amplitude_peak_y_um": abs(one[1]) / MICROMETRE,
             "slow_roll_drift": found.drift,
         },
         remarks=("amplitude: 1X of the run-out",),

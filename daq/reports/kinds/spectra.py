@@ -4,13 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
+from analysis.signals.units import MICROMETRE, phase_lag_degrees
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
-from daq.reports.kinds.prepared_record import MICRO, in_degrees, record_before_frame
+from daq.reports.kinds.prepared_record import record_before_frame
 from daq.reports.parameters import FrequencySpectrumQuery, FullSpectrumQuery, OrderSpectrumQuery
 from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, spectrum
 from daq.reports.run_samples import RunSamples
@@ -33,10 +34,10 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
             prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
             window=query.window,
         )  # fmt: skip
-    size = found.amplitudes(query.scaling)[:, 0] * MICRO
+    size = found.amplitudes(query.scaling)[:, 0] / MICROMETRE
     sigma = float(noise_floor_sigma(found.noise)[0])
     vectors = found.spectrum[:, 0]
-    lag = in_degrees(vectors)
+    lag = phase_lag_degrees(vectors)
     angle = found.orders * found.angle_sigma[0]  # the phase error of an order is the angle error times the order
     lag_sigma = np.degrees(phase_sigma(np.abs(vectors), np.full(vectors.shape, sigma), angle, 1.0))
     name = query.scaling.value.replace("-", "_")
@@ -49,7 +50,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
         "lag_y_deg": lag[1],
         "lag_sigma_y_deg": lag_sigma[1],
     }
-    scaled = sigma * MICRO * query.scaling.factor
+    scaled = sigma / MICROMETRE * query.scaling.factor
     title = f"{run.header.run} · order spectrum{prepared.title_suffix} · {prepared.position}"
     caption = f"{query.window.value} window over {query.revolutions} revolutions; ± {scaled:.3g} µm (1 σ of the noise)"
     rows = list(zip("xy", size.tolist(), strict=True))
@@ -57,7 +58,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
         title=title,
         columns=columns(**table),
         panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
-        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) * MICRO, **prepared.figures},
+        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) / MICROMETRE, **prepared.figures},
         remarks=prepared.remarks,
         representative_rows=peaks(size.max(axis=0)),
     )
@@ -72,11 +73,11 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
         )
     mismatch = probe_mismatch(lines)
     found = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
-    size = found.amplitudes * MICRO
+    size = found.amplitudes / MICROMETRE
     smaller = found.uncertain & (np.abs(found.backward) <= np.abs(found.forward))
     larger = found.uncertain & ~smaller
     uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
-    sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) * MICRO
+    sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) / MICROMETRE
     figures = {"sigma_peak_um": sigma, **prepared.figures}
     if mismatch.is_determined:
         figures["probe_gain_mismatch"] = mismatch.gain
@@ -104,7 +105,7 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
     with translated_errors(f"run {run.header.run}"):
         found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
     is_shown = found.frequencies <= query.highest_hz
-    frequencies, (x, y) = found.frequencies[is_shown], found.amplitudes[:, is_shown] * MICRO
+    frequencies, (x, y) = found.frequencies[is_shown], found.amplitudes[:, is_shown] / MICROMETRE
     begin, end = span.first / run.rate, span.stop / run.rate
     title = f"{run.header.run} · frequency spectrum · {begin:.1f} to {end:.1f} s"
     caption = (

@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import noise_floor_sigma
+from analysis.signals.units import MICROMETRE, RPM
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
-from daq.reports.kinds.prepared_record import MICRO, RPM, record_over_interval
+from daq.reports.kinds.prepared_record import record_over_interval
 from daq.reports.parameters import CascadeQuery, MapLines, MapQuery, WaterfallQuery
 from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, stacked
 from daq.reports.plots.panel import Curve, Style
@@ -79,14 +80,14 @@ def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         lines = order_map(prepared.record, revolutions=query.revolutions, highest_order=query.highest_order)
-    sigma = noise_floor_sigma(lines.noise) * MICRO
+    sigma = noise_floor_sigma(lines.noise) / MICROMETRE
     axis, sizes = lines.orders, lines.amplitudes().max(axis=0)
     if query.lines is MapLines.FULL:
         full = full_spectrum(lines.orders, lines.spectrum, lines.pair, probe_mismatch(lines))
         axis, sizes, sigma = full.axis, full.amplitudes, sigma / np.sqrt(2.0)
     title = f"{'full ' if query.lines is MapLines.FULL else ''}{{}}{prepared.title_suffix}"
     caption = f"hann window over {query.revolutions} revolutions, µm zero-to-peak; ± {np.median(sigma):.2g} µm (1 σ)"
-    return _Spectra(axis, sizes * MICRO, lines.times, lines.speeds * RPM, sigma, title, caption, prepared.remarks)
+    return _Spectra(axis, sizes / MICROMETRE, lines.times, lines.speeds / RPM, sigma, title, caption, prepared.remarks)
 
 
 def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
@@ -107,8 +108,8 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
     if angle is not None:
         speeds = 60.0 * (angle.turns(times + 0.5 * length) - angle.turns(times - 0.5 * length)) / length
     caption = f"hann window, lines of {found.noise_bandwidth:.3g} Hz, µm zero-to-peak; a changing speed smears orders"
-    sigma = found.sigma * MICRO
-    sizes = found.amplitudes.max(axis=0) * MICRO
+    sigma = found.sigma / MICROMETRE
+    sizes = found.amplitudes.max(axis=0) / MICROMETRE
     return _Spectra(found.frequencies, sizes, times, speeds, sigma, "frequency {}", caption, remarks)
 
 

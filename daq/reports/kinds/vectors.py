@@ -5,12 +5,13 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.signals.ramp import RampDirection
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
-from daq.reports.kinds.prepared_record import MICRO, RPM, in_degrees, record_over_interval
+from daq.reports.kinds.prepared_record import record_over_interval
 from daq.reports.parameters import VectorsQuery
 from daq.reports.plots.layouts import RampCurve, bode, polar
 from daq.reports.plots.panel import Panel, Values
@@ -41,9 +42,9 @@ def _vectors(
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
         track = track_order(prepared.record, query.order, revolutions=query.revolutions)
-    curves = speed_curves(track, query.width_rpm / RPM)
+    curves = speed_curves(track, query.width_rpm * RPM)
     what = f"{query.order:g}X{prepared.title_suffix}"
-    sigma = float(np.median(np.concatenate([curve.sigma.ravel() for curve in curves]))) * MICRO
+    sigma = float(np.median(np.concatenate([curve.sigma.ravel() for curve in curves]))) / MICROMETRE
     ramps = [_ramp_curve(curve, ARROWS[curve.direction] if len(curves) > 1 else "") for curve in curves]
     title = f"{run.header.run} · {prepared.position}"
     made = f"{query.revolutions} revolutions per vector, bins of {query.width_rpm:g} r/min"
@@ -53,15 +54,15 @@ def _vectors(
     largest = max(found, key=lambda each: each[2].amplitude, default=None)
     if largest is not None:
         figures |= {
-            "resonance_rpm": largest[2].speed * RPM,
-            "largest_peak_um": largest[2].amplitude * MICRO,
+            "resonance_rpm": largest[2].speed / RPM,
+            "largest_peak_um": largest[2].amplitude / MICROMETRE,
             "amplification_factor": largest[2].amplification_factor,
         }
     return AnalysisResult(
         title=f"{title} · {what}",
         columns=columns(
             ramp_direction=np.concatenate([np.full(curve.speeds.size, curve.direction.value) for curve in curves]),
-            speed_rpm=np.concatenate([curve.speeds for curve in curves]) * RPM,
+            speed_rpm=np.concatenate([curve.speeds for curve in curves]) / RPM,
             **{name: np.concatenate(parts) for name, parts in _by_probe(curves).items()},
             frames=np.concatenate([curve.frames for curve in curves]),
         ),
@@ -74,20 +75,20 @@ def _vectors(
 def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
     found: dict[str, list[np.ndarray]] = {}
     for probe, name in enumerate("xy"):
-        found[f"amplitude_peak_{name}_um"] = [curve.amplitudes[probe] * MICRO for curve in curves]
-        found[f"sigma_peak_{name}_um"] = [curve.sigma[probe] * MICRO for curve in curves]
-        found[f"lag_{name}_deg"] = [in_degrees(curve.vectors[probe]) for curve in curves]
+        found[f"amplitude_peak_{name}_um"] = [curve.amplitudes[probe] / MICROMETRE for curve in curves]
+        found[f"sigma_peak_{name}_um"] = [curve.sigma[probe] / MICROMETRE for curve in curves]
+        found[f"lag_{name}_deg"] = [phase_lag_degrees(curve.vectors[probe]) for curve in curves]
         found[f"lag_sigma_{name}_deg"] = [np.degrees(curve.phase_sigma[probe]) for curve in curves]
     return found
 
 
 def _ramp_curve(curve: SpeedCurve, arrow: str) -> RampCurve:
     """Return a curve for plotting; lags that are too uncertain are None."""
-    lags = np.where(curve.phase_sigma < MAX_PHASE_SIGMA, in_degrees(curve.vectors), np.nan)
+    lags = np.where(curve.phase_sigma < MAX_PHASE_SIGMA, phase_lag_degrees(curve.vectors), np.nan)
     rows = [[None if np.isnan(value) else value for value in row] for row in lags.tolist()]
-    x, y = (curve.amplitudes * MICRO).tolist()
+    x, y = (curve.amplitudes / MICROMETRE).tolist()
     known: tuple[Values, Values] = (rows[0], rows[1])
-    return RampCurve(arrow, (curve.speeds * RPM).tolist(), (x, y), known)
+    return RampCurve(arrow, (curve.speeds / RPM).tolist(), (x, y), known)
 
 
 def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
@@ -101,5 +102,5 @@ def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
 
 def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:
     factor = "" if np.isnan(one.amplification_factor) else f", amplification {one.amplification_factor:.1f}"
-    where = f"{one.speed * RPM:,.0f} r/min {ARROWS[curve.direction]}"
-    return f"peak at {'xy'[probe]}: {one.amplitude * MICRO:.3g} µm at {where}{factor}"
+    where = f"{one.speed / RPM:,.0f} r/min {ARROWS[curve.direction]}"
+    return f"peak at {'xy'[probe]}: {one.amplitude / MICROMETRE:.3g} µm at {where}{factor}"

@@ -1,6 +1,5 @@
 """Query parameters of the run list: filters, sort order and page."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -8,11 +7,11 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
+from analysis.signals.units import RPM
 from daq.reports.parameters import MAX_SPEED_RPM, QueryParameters
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 
-RPM = math.pi / 30.0
 NANOSECONDS_PER_SECOND = 1_000_000_000
 MAX_TEXT_LENGTH = 200
 MAX_NANOSECONDS = 2**62  # ns

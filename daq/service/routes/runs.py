@@ -4,9 +4,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, Protocol
 
-import numpy as np
 from fastapi import Query, Request, Response
 
+from analysis.signals.units import RPM
 from daq.reports.parameters import (
     AnalysisQuery,
     FrameQuery,
@@ -52,7 +52,6 @@ MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
 COMPRESSIBLE = ("application/json", PLOT_TYPES["svg"])
 SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
 BINARY = {"schema": {"type": "string", "format": "binary"}}
-RPM = np.pi / 30.0
 
 
 class Catalogue(Protocol):

@@ -11,7 +11,8 @@ from analysis.preflight.probe_checks import MAX_CARD_NOISE, MAX_OPEN_VOLTS, MAX_
 from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role
-from daq.config.rig import MICRO, Rig
+from analysis.signals.units import MICROMETRE
+from daq.config.rig import Rig
 from daq.config.schema import Backend, ProfilePoint
 from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
@@ -76,7 +77,7 @@ def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
     if np.any((codes == CODE_MIN) | (codes == CODE_MAX)):
         raise DeviceError(
             DeviceFault.REJECTED,
-            f"probe {name} reads at the limit of {acquisition.channels[row].physical} at {gap / MICRO:g} µm: "
+            f"probe {name} reads at the limit of {acquisition.channels[row].physical} at {gap / MICROMETRE:g} µm: "
             "skip this gap, or set a larger range_v",
         )
     volts = acquisition.channels[row].volts(codes)
@@ -84,7 +85,7 @@ def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
     if noise < MAX_STUCK_NOISE or (noise < MAX_CARD_NOISE and abs(float(np.mean(volts))) < MAX_OPEN_VOLTS):
         raise DeviceError(
             DeviceFault.REJECTED,
-            f"probe {name} shows no sensor noise at {gap / MICRO:g} µm: unplugged, without supply or out of range",
+            f"probe {name} shows no sensor noise at {gap / MICROMETRE:g} µm: unplugged, without supply or out of range",
         )
     return CalibrationPoint(gap, float(np.mean(volts)), float(np.std(volts)))
 
@@ -134,7 +135,7 @@ def read_points(path: Path) -> list[CalibrationPoint]:
             if number == 1 and not fields[0][:1].isdigit():
                 continue  # a header line
             raise UsageError(f"{path}, line {number}: {delimiter.join(fields)!r}: expected gap_um, volts") from error
-        points.append(CalibrationPoint(gap * MICRO, volts))
+        points.append(CalibrationPoint(gap * MICROMETRE, volts))
     return points
 
 
@@ -152,7 +153,8 @@ def _with_gap(rig: Rig, name: str, gap: float) -> Rig:
     """Return the simulated rig with its shaft at rest at a gap, m, from a probe."""
     simulation = rig.config.simulation
     role = rig.config.channel[probe_row(rig, name)].role
-    gaps = (gap / MICRO, simulation.gap_um[1]) if role is Role.PROBE_X else (simulation.gap_um[0], gap / MICRO)
+    gap_um = gap / MICROMETRE
+    gaps = (gap_um, simulation.gap_um[1]) if role is Role.PROBE_X else (simulation.gap_um[0], gap_um)
     at_rest = simulation.model_copy(
         update={
             "motion": "bench",

@@ -8,7 +8,8 @@ import numpy as np
 from analysis.preflight.checks import Check, Finding
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition, Calibration
-from daq.config.rig import MICRO, RPM, Rig
+from analysis.signals.units import MICROMETRE, RPM
+from daq.config.rig import Rig
 from daq.config.schema import Backend
 from daq.errors import DeviceError, DeviceFault
 
@@ -184,8 +185,8 @@ def _residual_check(name: str, calibration: Calibration, fraction: float) -> Che
     allowed = fraction * float(high - low)
     label = f"probe {name} fit"
     value, limit = (
-        f"{calibration.residual / MICRO:.2f} µm maximum error",
-        f"{allowed / MICRO:.1f} µm, {100 * fraction:g} % of the span",
+        f"{calibration.residual / MICROMETRE:.2f} µm maximum error",
+        f"{allowed / MICROMETRE:.1f} µm, {100 * fraction:g} % of the span",
     )
     if 0.0 < calibration.residual <= allowed:
         return Check.passed(label, value, limit)

@@ -22,7 +22,7 @@ from analysis.signals.units import (
 ROOT = Path(__file__).parents[3]
 SOURCES = [
     path
-    for package in ("analysis", "recordings", "tests/analysis", "tests/recordings")
+    for package in ("analysis", "recordings", "daq", "tests/analysis", "tests/recordings", "tests/daq")
     for path in sorted((ROOT / package).rglob("*.py"))
     if path not in (Path(units.__file__), Path(__file__))
 ]
@@ -62,10 +62,12 @@ def test_phase_lag_is_nan_without_a_direction() -> None:
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_units_are_defined_in_no_other_module(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
-    assigned = {
-        node.id
+    targets = [
+        target
         for node in ast.walk(ast.parse(text))
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and UNIT_NAME.fullmatch(node.id)
-    }
-    assert not assigned, "import it from analysis.signals.units"
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    ]
+    names = [target.id for target in targets if isinstance(target, ast.Name)]
+    assert not [name for name in names if UNIT_NAME.fullmatch(name)], "import it from analysis.signals.units"
     assert not RPM_LITERAL.search(text), "divide by or multiply with RPM of analysis.signals.units"

@@ -10,6 +10,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import wavfile
 
 from analysis.signals.header import Role
+from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.config.toml_files import to_toml
@@ -53,7 +54,7 @@ def engineering(path: Path) -> list[np.ndarray[tuple[int, ...], np.dtype[np.floa
         codes = reader.samples(0, 0, reader.segment_ends[0].samples)
         channels = reader.header.acquisition.channels
         return [
-            channel.volts(row) if channel.role is Role.TACHO else channel.displacement(row) * 1e6
+            channel.volts(row) if channel.role is Role.TACHO else channel.displacement(row) / MICROMETRE
             for channel, row in zip(channels, codes, strict=True)
         ]
 
@@ -122,10 +123,10 @@ def test_results_are_exported_to_every_format(run: Path, tmp_path: Path, capsys:
         np.testing.assert_allclose(table.column("speed_rpm").to_numpy()[-5:], 6000, rtol=0.05)
         frame = snapshots[-1].frame
         assert frame is not None
-        assert table.column("x_1x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[0, 0]) * 1e6)
-        assert table.column("y_2x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[1, 1]) * 1e6)
+        assert table.column("x_1x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[0, 0]) / MICROMETRE)
+        assert table.column("y_2x_um")[-1].as_py() == pytest.approx(abs(frame.vectors[1, 1]) / MICROMETRE)
         assert table.schema.field("x_1x_lag_deg").metadata[b"unit"] == b"deg"
-        assert table.column("sigma_1x_um")[-1].as_py() == pytest.approx(frame.sigma[0] * 1e6)
+        assert table.column("sigma_1x_um")[-1].as_py() == pytest.approx(frame.sigma[0] / MICROMETRE)
         assert np.isnan(table.column("x_1x_compensated_um").to_numpy()).all()  # no run-out is configured
         assert np.isnan(table.column("second_whirl_order").to_numpy()).all()
 
@@ -173,7 +174,7 @@ def test_labview_measurement_is_imported(
         codes = reader.samples(0, 0, 20_000)
         for row, channel in enumerate(acquisition.channels):
             assert np.abs(channel.volts(codes[row]) - volts[row]).max() <= 0.51 * np.ptp(volts[row]) / 65_532
-        speeds = [snapshot.speed * 30 / np.pi for snapshot in reader.snapshots()]
+        speeds = [snapshot.speed / RPM for snapshot in reader.snapshots()]
     np.testing.assert_allclose(speeds[-1], 6000, rtol=1e-3)
     assert path.stem.startswith("2012-05-01T10-30-00")
 

@@ -12,6 +12,7 @@ import pytest
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from analysis.signals.header import Severity
+from analysis.signals.units import MICROMETRE
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.live_update import Clipping, LiveUpdate, RunState, TimedMarker
@@ -147,9 +148,9 @@ def test_page_shows_compensated_and_measured_vectors(bench: Bench, tmp_path: Pat
     note = text_of(page, "one-note")
     measured = UPDATE.snapshot.frame.vectors[0] if UPDATE.snapshot and UPDATE.snapshot.frame else None
     assert measured is not None
-    assert f"as measured x {abs(measured[0]) * 1e6:.1f} " in note
+    assert f"as measured x {abs(measured[0]) / MICROMETRE:.1f} " in note
     assert "± 0.08 µm" in note
-    assert text_of(page, "one-x") == f"{abs(measured[0] - 2e-6) * 1e6:.0f}"
+    assert text_of(page, "one-x") == f"{abs(measured[0] - 2e-6) / MICROMETRE:.0f}"
     assert text_of(page, "whirls") == "also 0.31X 3.2 µm backward"
     assert text_of(page, "whirl-note").endswith("± 0.07 µm")
 

@@ -19,6 +19,7 @@ from analysis.shaft.orbit import direct_orbit
 from analysis.shaft.overall import overall
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.header import Acquisition
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
@@ -41,7 +42,6 @@ from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recor
 FloatArray = NDArray[np.float64]
 Codes = NDArray[np.int16]
 
-RPM = np.pi / 30.0
 UP_AND_DOWN = {
     "profile": [{"time_s": at, "speed_rpm": rpm} for at, rpm in ((0.0, 1500), (0.6, 1500), (3.0, 9000), (5.0, 2000))],
     "whirl": [{"order": 0.45, "onset_rpm": 5000, "end_rpm": 20_000, "amplitude_um": 12, "forward": True}],
@@ -135,14 +135,14 @@ def test_spectra_at_a_time_equal_library_results(bench: RecordedBench, reader: R
     found = npz_columns(bench, "order-spectrum", speed_rpm=6000)
     close(found["order"], lines.orders)
     for row, probe in enumerate("xy"):
-        close(found[f"amplitude_peak_{probe}_um"], np.abs(lines.spectrum[row, 0]) * 1e6)
+        close(found[f"amplitude_peak_{probe}_um"], np.abs(lines.spectrum[row, 0]) / MICROMETRE)
         strong = np.abs(lines.spectrum[row, 0]) > 1e-8
-        close(found[f"lag_{probe}_deg"][strong], np.degrees(-np.angle(lines.spectrum[row, 0, strong])) % 360, rtol=1e-5)
+        close(found[f"lag_{probe}_deg"][strong], phase_lag_degrees(lines.spectrum[row, 0, strong]), rtol=1e-5)
     assert found["order"][np.argmax(found["amplitude_peak_x_um"])] == pytest.approx(0.45, abs=0.0625)
     full = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, probe_mismatch(lines))
     found = npz_columns(bench, "full-spectrum", speed_rpm=6000)
     close(found["order"], full.axis)
-    close(found["amplitude_peak_um"], full.amplitudes * 1e6)
+    close(found["amplitude_peak_um"], full.amplitudes / MICROMETRE)
 
 
 def test_spectrum_uses_requested_scaling_and_window(bench: RecordedBench) -> None:
@@ -160,11 +160,11 @@ def test_frequency_spectrum_and_overall_equal_library_results(bench: RecordedBen
     found = npz_columns(bench, "frequency-spectrum")
     shown = lines.frequencies <= 2000.0
     close(found["frequency_hz"], lines.frequencies[shown])
-    close(found["amplitude_peak_y_um"], lines.amplitudes[1, shown] * 1e6)
+    close(found["amplitude_peak_y_um"], lines.amplitudes[1, shown] / MICROMETRE)
     level = overall(displacement, acquisition.rate, reader.header.limits.clearance)
     found = npz_columns(bench, "overall")
     close(found["time_s"], level.times)
-    close(found["peak_to_peak_x_um"], level.peak_to_peak[0] * 1e6)
+    close(found["peak_to_peak_x_um"], level.peak_to_peak[0] / MICROMETRE)
     close(found["clearance_fraction_y"], level.clearance_fraction[1])
     middle = (found["time_s"] > 1.0) & (found["time_s"] < 2.5)
     close(found["speed_rpm"][middle], 1500 + 3125 * (found["time_s"][middle] - 0.6), rtol=0.02)
@@ -175,10 +175,10 @@ def test_cascade_and_waterfall_equal_library_results(bench: RecordedBench, reade
     speeds, rows = full_cascade(lines, 200.0 * RPM, probe_mismatch(lines))
     found = npz_columns(bench, "cascade", lines="full")
     close(np.unique(found["speed_rpm"]), speeds / RPM)
-    close(found["amplitude_peak_um"].reshape(speeds.size, -1), rows.amplitudes * 1e6, rtol=1e-5, atol=1e-6)
+    close(found["amplitude_peak_um"].reshape(speeds.size, -1), rows.amplitudes / MICROMETRE, rtol=1e-5, atol=1e-6)
     found = npz_columns(bench, "waterfall", rows=400)
     assert np.unique(found["time_s"]).size <= 400
-    largest = lines.amplitudes().max(axis=(0, 1)) * 1e6
+    largest = lines.amplitudes().max(axis=(0, 1)) / MICROMETRE
     close(found["amplitude_peak_um"].reshape(-1, lines.orders.size).max(axis=0), largest, rtol=1e-5, atol=1e-6)
     hertz = npz_columns(bench, "waterfall", lines="frequencies")
     times = np.unique(hertz["time_s"])
@@ -198,8 +198,8 @@ def test_vectors_over_speed_equal_library_results_for_run_up_and_run_down(
         here = found["ramp_direction"] == curve.direction.value
         close(found["speed_rpm"][here], curve.speeds / RPM)
         for row, probe in enumerate("xy"):
-            close(found[f"amplitude_peak_{probe}_um"][here], curve.amplitudes[row] * 1e6, rtol=1e-4, atol=1e-5)
-            close(found[f"sigma_peak_{probe}_um"][here], curve.sigma[row] * 1e6, rtol=1e-3, atol=1e-5)
+            close(found[f"amplitude_peak_{probe}_um"][here], curve.amplitudes[row] / MICROMETRE, rtol=1e-4, atol=1e-5)
+            close(found[f"sigma_peak_{probe}_um"][here], curve.sigma[row] / MICROMETRE, rtol=1e-3, atol=1e-5)
     drawn = npz_columns(bench, "polar", order=order)
     close(drawn["lag_x_deg"], np.asarray(found["lag_x_deg"]))
 
@@ -209,13 +209,13 @@ def test_slow_roll_parameter_subtracts_run_out(bench: RecordedBench, reader: Run
     begin = int(np.argmax(record.times > 0.7))
     roll = slow_roll(record.section(0, begin), 0.0, 1550.0 * RPM)
     found = npz_columns(bench, "slow-roll", slow_roll_rpm=1550)
-    close(found["runout_x_um"], roll.waveform[0] * 1e6, rtol=0.02, atol=0.03)
+    close(found["runout_x_um"], roll.waveform[0] / MICROMETRE, rtol=0.02, atol=0.03)
     assert np.ptp(found["runout_x_um"]) > 3.0
     parameters = {"order": 1.0, "duration_s": 3.0}
     measured = npz_columns(bench, "bode", **parameters)
     left = npz_columns(bench, "bode", **parameters, slow_roll_rpm=1550)
     vectors = [one["amplitude_peak_x_um"] * np.exp(-1j * np.radians(one["lag_x_deg"])) for one in (measured, left)]
-    np.testing.assert_allclose((vectors[0] - vectors[1]) / 1e6, roll.vectors(1)[0], atol=0.06e-6)
+    np.testing.assert_allclose((vectors[0] - vectors[1]) * MICROMETRE, roll.vectors(1)[0], atol=0.06e-6)
     answer = bench.get("/analyses/bode", slow_roll_rpm=1550, format="svg")
     assert "compensated" in answer.text
 
@@ -223,7 +223,7 @@ def test_slow_roll_parameter_subtracts_run_out(bench: RecordedBench, reader: Run
 def test_orbits_equal_library_results_and_sum_up(bench: RecordedBench, reader: RunReader) -> None:
     made = direct_orbit(library_record(reader, 16, speed_rpm=7000.0))
     direct = npz_columns(bench, "orbit", speed_rpm=7000)
-    close(direct["X_um"], made.motion[0].ravel() * 1e6, atol=1e-6)
+    close(direct["X_um"], made.motion[0].ravel() / MICROMETRE, atol=1e-6)
     one = npz_columns(bench, "orbit", speed_rpm=7000, filter="orders", orders="1")
     rest = npz_columns(bench, "orbit", speed_rpm=7000, filter="rest", orders="1")
     total = one["Y_um"] + rest["Y_um"]
@@ -237,21 +237,21 @@ def test_average_and_keyphasor_points_equal_library_results(bench: RecordedBench
     mean = synchronous_average(library_record(reader, 32, time_s=2.5))
     found = npz_columns(bench, "average", time_s=2.5, revolutions=32)
     expected = mean.waveform - mean.waveform.mean(axis=1, keepdims=True)
-    close(found["average_x_um"], expected[0] * 1e6, atol=1e-6)
+    close(found["average_x_um"], expected[0] / MICROMETRE, atol=1e-6)
     section = poincare_section(library_record(reader, 64, time_s=2.5))
     found = npz_columns(bench, "poincare", time_s=2.5, revolutions=64)
-    close(found["X_um"], section.points[0] * 1e6, atol=1e-6)
+    close(found["X_um"], section.points[0] / MICROMETRE, atol=1e-6)
     speeds, positions = bifurcation_diagram(angular_record_from_codes(*whole(reader)))
     found = npz_columns(bench, "bifurcation")
     close(found["speed_rpm"], speeds / RPM)
-    close(found["Y_um"], positions[1] * 1e6, atol=1e-6)
+    close(found["Y_um"], positions[1] / MICROMETRE, atol=1e-6)
 
 
 def test_centreline_and_components_below_1x_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
     record = angular_record_from_codes(*whole(reader))
     line = centreline(record, np.array([-450e-6, -430e-6]), reader.header.limits.clearance)
     found = npz_columns(bench, "centreline", rest_x_um=-450, rest_y_um=-430)
-    close(found["X_um"], line.positions[0] * 1e6, atol=1e-6)
+    close(found["X_um"], line.positions[0] / MICROMETRE, atol=1e-6)
     close(found["eccentricity_ratio"], line.eccentricity_ratio)
     tracks = subsynchronous_tracks(order_map(record, highest_order=2.0))
     found = npz_columns(bench, "sub-synchronous")
@@ -274,9 +274,9 @@ def test_envelopes_equal_library_results_and_waveforms_match_them(bench: Recorde
     inner = slice(1, -1)  # the ends lie between no two of the library's
     for row, order in enumerate((0.45, 1.0)):
         here = found["order"] == order
-        expected = np.interp(shown, times, np.abs(x.envelopes[row])) * 1e6
+        expected = np.interp(shown, times, np.abs(x.envelopes[row])) / MICROMETRE
         close(found["amplitude_peak_x_um"][here][inner], expected[inner], rtol=1e-3, atol=1e-3)
-        sigma = np.interp(shown, times, x.sigma[row]) * 1e6
+        sigma = np.interp(shown, times, x.sigma[row]) / MICROMETRE
         close(found["sigma_peak_x_um"][here][inner], sigma[inner], rtol=1e-3)
     waves = npz_columns(bench, "waveforms", orders="0.45,1", time_s=2.6, bandwidth_hz=6)
     size = np.ptp(waves["displacement_x_um"][waves["order"] == 0.45]) / 2

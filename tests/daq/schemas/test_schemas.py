@@ -10,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.signals.snapshot import Whirl
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.schemas.live import live_schema
 from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
 from daq.schemas.units import finite, lag_degrees, micrometres, rpm, utc_time
 from daq.session.live_update import LiveUpdate
-from tests.daq.support.live_updates import RPM, make_live_updates
+from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
 
 UPDATE = make_live_updates(200)[150]
@@ -66,9 +67,9 @@ def test_live_schema_converts_measurement_to_field_units() -> None:
     assert measured.order_1x is not None
     vector = snapshot.frame.vectors[0, 1]
     assert measured.speed_rpm == pytest.approx(snapshot.speed / RPM, abs=1e-4)
-    assert measured.order_1x.amplitude_peak_y_um == pytest.approx(abs(vector) * 1e6, abs=1e-4)
-    assert measured.order_1x.lag_y_deg == pytest.approx(math.degrees(-np.angle(vector)) % 360.0, abs=1e-4)
-    assert measured.peak_to_peak_x_um == pytest.approx(snapshot.peak_to_peak[0] * 1e6, abs=1e-4)
+    assert measured.order_1x.amplitude_peak_y_um == pytest.approx(abs(vector) / MICROMETRE, abs=1e-4)
+    assert measured.order_1x.lag_y_deg == pytest.approx(phase_lag_degrees(vector), abs=1e-4)
+    assert measured.peak_to_peak_x_um == pytest.approx(snapshot.peak_to_peak[0] / MICROMETRE, abs=1e-4)
     assert measured.probe_x.gap_v == 5.1
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from analysis.signals.header import Severity
+from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.main import main
 from daq.cli.output.progress import status_line
 from daq.drivers.replay import open_replay
@@ -18,7 +19,7 @@ from recordings.integrity.verify import verify
 from recordings.mcap.markers import MarkerKind
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory
-from tests.daq.support.live_updates import RPM, make_live_updates, with_alarm, with_further_alarms
+from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import open_recorded_bench
 from tests.daq.support.recording import REAL_TIME, NoModel, UpdateList, start_recording, wait_until
 
@@ -80,7 +81,7 @@ def test_alarm_that_is_over_stays_shown_where_latching_is_configured(
     first = start_recording(rig(simulation=falling), tmp_path)
     assert first.wait(60)
     first.close()
-    overall = [float(row.largest_peak_to_peak.max()) * 1e6 for row in first.summary().rows]
+    overall = [float(row.largest_peak_to_peak.max()) / MICROMETRE for row in first.summary().rows]
     limits = {"peak_to_peak_alarm_um": 0.5 * (min(overall) + max(overall)), "hold_s": 0.0, "latch": latch}
     (tmp_path / "again").mkdir()
     run = start_recording(rig(simulation=falling, limits=limits), tmp_path / "again")

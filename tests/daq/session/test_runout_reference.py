@@ -1,11 +1,11 @@
 """Run-out compensation from rig.toml: given vectors, the run's own slow roll, or an earlier run's."""
 
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from analysis.signals.units import MICROMETRE
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.errors import ConfigError, UsageError
@@ -14,8 +14,6 @@ from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory, RigFiles
 from tests.daq.support.recorded_bench import record_run
 
-RPM = math.pi / 30
-MICRO = 1e-6
 QUIET = {"run_out_um": 3.0, "speed_fluctuation": 0.0, "glitches_per_s": 0.0}
 
 
@@ -67,7 +65,7 @@ def test_run_out_is_estimated_from_the_slow_roll_of_the_run(rig: RigFactory, tmp
     last = frames[-1]
     assert frames[0].runout is None
     assert last.runout is not None
-    assert np.abs(last.runout.vectors[0]) == pytest.approx(np.full(2, 3.0 * MICRO), rel=0.1)
+    assert np.abs(last.runout.vectors[0]) == pytest.approx(np.full(2, 3.0 * MICROMETRE), rel=0.1)
     assert last.compensated is not None
     assert np.abs(last.compensated[0] - last.vectors[0]) == pytest.approx(np.abs(last.runout.vectors[0]))
 
@@ -81,7 +79,7 @@ def test_run_out_is_taken_from_the_slow_roll_of_an_earlier_run(rig: RigFactory, 
     assert runout.source == "slow roll of earlier up to 700 r/min"
     assert runout.slow_roll_speed == 0.0
     assert [order for order, _, _ in runout.vectors] == list(range(1, 9))
-    assert abs(runout.vectors[0][1]) == pytest.approx(3.0 * MICRO, rel=0.1)
+    assert abs(runout.vectors[0][1]) == pytest.approx(3.0 * MICROMETRE, rel=0.1)
     assert "[[runout.vector]]" in later.toml
     with RunReader(record_run(later, tmp_path, "later")) as reader:
         assert reader.header.settings.runout == runout

@@ -23,11 +23,11 @@ from analysis.signals.header import (
     Tacho,
 )
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.units import RPM
 from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction import Prediction
 
 RATE = 100_000.0
-RPM = 2.0 * math.pi / 60.0
 LOW, HIGH = 1_000.0 * RPM, 15_600.0 * RPM
 
 FloatArray = NDArray[np.float64]

@@ -11,6 +11,7 @@ from analysis.signals.blocks import EndReason, SegmentEnd, TimeInRun
 from analysis.signals.header import Severity
 from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoReport, TachoState
+from analysis.signals.units import RPM
 from analysis.vectors.speed_table import SpeedRow
 from analysis.whirl.findings import WhirlFinding
 from daq.schemas.summary import SummarySchema, summary_schema
@@ -19,7 +20,7 @@ from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAg
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.search import Search
 from recordings.errors import NotFoundError
-from tests.daq.support.live_updates import RPM, make_header
+from tests.daq.support.live_updates import make_header
 
 NEWEST = "2026-11-24T09-12-07-gj90c"
 CUT = "2026-11-23T10-00-00-gj90c"

@@ -9,9 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.snapshot import OrderFrame
+from analysis.signals.units import MICROMETRE, RPM
 from daq.view.bode import BodePlot
 from daq.view.drawing import MEASURED_X, Drawing
-from tests.daq.support.live_updates import RPM, make_header, make_live_updates
+from tests.daq.support.live_updates import make_header, make_live_updates
 
 UP, DOWN = 20e-6, 10e-6  # m peak, of 1X on the way up and down
 
@@ -50,7 +51,7 @@ def levels(plot: BodePlot) -> tuple[list[float], int]:
     mine = [line for line, color in strips(plot.measured()) if color == MEASURED_X and line[:, 1].max() <= 76.0]
     whole = [float(np.median((1.0 - line[:, 1] / 76.0) * end)) for line in mine if np.ptp(line[:, 0]) > 20.0]
     dashes = [line for line in mine if np.ptp(line[:, 0]) < 20.0]
-    at_down = [line for line in dashes if np.allclose((1.0 - line[:, 1] / 76.0) * end, DOWN * 1e6, atol=0.01)]
+    at_down = [line for line in dashes if np.allclose((1.0 - line[:, 1] / 76.0) * end, DOWN / MICROMETRE, atol=0.01)]
     return whole, len(at_down)
 
 
@@ -60,14 +61,14 @@ WAY_DOWN = [(speed, DOWN) for speed in range(15_000, 1_000, -50)]
 
 def test_run_up_stays_solid_while_run_down_is_dashed() -> None:
     whole, dashes = levels(plot_of(WAY_UP + WAY_DOWN))
-    assert whole == pytest.approx([UP * 1e6], abs=0.01)
+    assert whole == pytest.approx([UP / MICROMETRE], abs=0.01)
     assert dashes > 20
 
 
 def test_run_up_only_has_no_dashes_and_no_run_down_legend() -> None:
     plot = plot_of(WAY_UP)
     whole, dashes = levels(plot)
-    assert whole == pytest.approx([UP * 1e6], abs=0.01)
+    assert whole == pytest.approx([UP / MICROMETRE], abs=0.01)
     assert dashes == 0
     assert not plot.follow()[2]
 

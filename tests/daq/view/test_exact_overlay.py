@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.signals.units import RPM
 from daq.drivers.replay import open_replay
 from daq.schemas.live import live_schema
 from daq.session.prediction.predictor import Predictor
@@ -22,7 +23,7 @@ SPEED = 520.0  # rad/s
 
 
 def test_updates_at_steady_speed_have_exact_prediction(rig: RigFactory, tmp_path: Path) -> None:
-    rpm = SPEED * 30 / np.pi
+    rpm = SPEED / RPM
     steady = [{"time_s": 0.0, "speed_rpm": rpm}, {"time_s": 2.0, "speed_rpm": rpm}]
     path = record_run(rig(simulation={"profile": steady}), tmp_path)
     with RunReader(path) as reader:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from analysis.live.analyser import Analyser
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, Role
-from daq.config.rig import RPM, Rig
+from analysis.signals.units import RPM
+from daq.config.rig import Rig
 from daq.config.rotor import model_parameters
 from daq.drivers.simulation.card import SimulatedCard
 from model.dynamics.synchronous import synchronous_response

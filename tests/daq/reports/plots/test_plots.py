@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.ramp import RampDirection
+from analysis.signals.units import RPM
 from analysis.vectors.speed_table import SpeedRow
 from daq.reports.plots.layouts import orbit, spectrum
 from daq.reports.plots.panel import Panel
@@ -15,7 +16,6 @@ from daq.reports.plots.svg import render_svg
 from daq.schemas.results import OrderVectorsSchema
 from daq.schemas.summary import speed_row_schema
 
-RPM = math.pi / 30
 PROBES = (0.0, math.pi / 2)
 UNKNOWN = np.full((2, 2), complex(math.nan))
 

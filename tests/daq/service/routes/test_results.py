@@ -15,6 +15,7 @@ import pytest
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import RPM
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
@@ -26,7 +27,6 @@ from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import API, RUN, DefectiveModel, RecordedBench, open_recorded_bench, record_run
 
-RPM = np.pi / 30.0
 PROFILE = [{"time_s": 0.0, "speed_rpm": 3000.0}, {"time_s": 4.0, "speed_rpm": 9000.0}]
 
 

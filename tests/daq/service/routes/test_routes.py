@@ -10,6 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
+from analysis.signals.units import MICROMETRE
 from daq.schemas.live import LiveSchema
 from daq.schemas.runs import RunSchema
 from daq.schemas.snapshot import LiveCurvesSchema
@@ -223,11 +224,11 @@ def test_live_curves_contain_measured_and_predicted_orbit_and_spectrum(bench: Be
     assert update.snapshot.frame is not None
     assert picture.measured is not None
     assert picture.predicted is not None
-    assert picture.measured.orbit_x_um == pytest.approx(update.snapshot.frame.orbit[0] * 1e6, abs=1e-4)
+    assert picture.measured.orbit_x_um == pytest.approx(update.snapshot.frame.orbit[0] / MICROMETRE, abs=1e-4)
     assert len(picture.measured.orbit_y_um) == 4 * picture.points_per_revolution
     first = picture.measured.orders.index(1.0)
     assert picture.measured.spectrum_peak_x_um[first] == pytest.approx(
-        abs(update.snapshot.frame.spectrum[0, first]) * 1e6, abs=1e-4
+        abs(update.snapshot.frame.spectrum[0, first]) / MICROMETRE, abs=1e-4
     )
     bench.live.update = replace(update, snapshot=None, prediction=None)
     empty = LiveCurvesSchema.model_validate_json(bench.get("/live/curves").content)

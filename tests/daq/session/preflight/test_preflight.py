@@ -10,8 +10,9 @@ import pytest
 
 from analysis.preflight.checks import Check, Finding, Verdict
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.units import RPM
 from daq.cli.main import main
-from daq.config.rig import RPM, Rig
+from daq.config.rig import Rig
 from daq.config.schema import Miswiring
 from daq.errors import ConfigError
 from daq.schemas.preflight import PreflightSchema

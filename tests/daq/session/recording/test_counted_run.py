@@ -1,6 +1,5 @@
 """Runs with counter stamps of the tacho: through ring, file, trigger and parts, bit for bit."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
@@ -12,6 +11,7 @@ import pytest
 from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.snapshot import CounterState, TachoState
+from analysis.signals.units import RPM
 from daq.config.schema import TriggerSection
 from daq.drivers.factory import apply_trigger, open_source
 from daq.drivers.replay import open_replay
@@ -36,7 +36,6 @@ from tests.daq.support.counted_bench import (
 )
 from tests.daq.support.recording import NoModel, recording_request
 
-RPM = 2 * math.pi / 60
 SPEED = 6123.4567  # r/min, with a non-integer number of ticks per turn
 STEADY = {
     "profile": [{"time_s": 0.0, "speed_rpm": SPEED}, {"time_s": 4.0, "speed_rpm": SPEED}],
