@@ -3,9 +3,11 @@
 RecordingError
 ├── NotFoundError       no run of this id or name
 ├── DamagedError        the file is cut short, empty or not MCAP
+│   └── MessageError    the bytes of a message are not what its type requires
 ├── UnknownFormatError  the file is no run, or of a format version that this program does not read
 ├── StorageError        the folder is missing, read-only or full
 │   └── RunExistsError  a run of this id exists already
+├── AnnotationError     a remark or tag is too long or malformed
 └── ForeignFormatError  a file of another format cannot be read or written, or lacks a requested column or stretch
 """
 
@@ -22,6 +24,10 @@ class DamagedError(RecordingError):
     """The file is not a complete recording."""
 
 
+class MessageError(DamagedError):
+    """The bytes of a message are not what its type requires."""
+
+
 class UnknownFormatError(RecordingError):
     """The file is no run, or of a format version that this program does not read."""
 
@@ -32,6 +38,10 @@ class StorageError(RecordingError):
 
 class RunExistsError(StorageError):
     """A run of this id exists already."""
+
+
+class AnnotationError(RecordingError):
+    """A remark or tag is too long or malformed."""
 
 
 class ForeignFormatError(RecordingError):

@@ -58,7 +58,7 @@ def post_to_live(args: argparse.Namespace, path: str, content: Mapping[str, str]
             return result
     except urllib.error.HTTPError as error:
         raise UsageError(f"{service}: {_problem_detail(error)}") from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError) as error:  # no connection, or a response that is not JSON
         reason = error.reason if isinstance(error, urllib.error.URLError) else error
         raise UsageError(f"{service} does not respond ({reason}): is rig record running there, with REST?") from error
 
@@ -67,7 +67,7 @@ def _problem_detail(error: urllib.error.HTTPError) -> str:
     """Return the detail of a problem response (RFC 9457), or its status line."""
     try:
         return str(json.load(error)["detail"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError):  # another server answers there: not our JSON
         return f"HTTP {error.code} {HTTPStatus(error.code).phrase}"
 
 

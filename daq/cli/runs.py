@@ -8,7 +8,6 @@ from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
 from daq.cli.output.progress import Console
 from daq.cli.output.terminal import print_json
-from daq.errors import UsageError
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.search import Search
@@ -150,10 +149,7 @@ def run_annotate(args: argparse.Namespace) -> int:
     tags = None
     if args.tag or args.untag:
         tags = (set(entry.tags) | set(args.tag)) - set(args.untag)
-    try:
-        entry = catalogue.annotate(run_id, remark=args.remark, tags=tags)
-    except ValueError as error:
-        raise UsageError(str(error)) from error
+    entry = catalogue.annotate(run_id, remark=args.remark, tags=tags)
     if args.json:
         print_json(run_schema(entry))
     else:

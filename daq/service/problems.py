@@ -11,7 +11,14 @@ from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daq.service.problem_types import Fault, ProblemSchema, ProblemType
-from recordings.errors import DamagedError, NotFoundError, RecordingError, StorageError, UnknownFormatError
+from recordings.errors import (
+    AnnotationError,
+    DamagedError,
+    NotFoundError,
+    RecordingError,
+    StorageError,
+    UnknownFormatError,
+)
 
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 HTTP_BAD_REQUEST: Final = 400
@@ -99,6 +106,7 @@ def recording_problem(error: RecordingError) -> ProblemType:
         (NotFoundError, ProblemType.RUN_NOT_FOUND),
         (DamagedError, ProblemType.RUN_DAMAGED),
         (UnknownFormatError, ProblemType.RUN_FORMAT_UNKNOWN),
+        (AnnotationError, ProblemType.INVALID_PARAMETER),
         (StorageError, ProblemType.STORAGE_UNAVAILABLE),
     )
     return next(

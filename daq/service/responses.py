@@ -15,6 +15,7 @@ from daq.schemas.units import Schema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import problem_response
 from recordings.catalogue.catalogue import RunEntry
+from recordings.errors import DamagedError
 
 
 def accepts_gzip(header: str | None) -> bool:
@@ -169,7 +170,7 @@ async def file_response(
     ------
     OSError
         The file cannot be opened.
-    ValueError
+    DamagedError
         The file does not start with ``magic``.
     """
     file = await to_thread.run_sync(_open_checked, path, magic)
@@ -187,7 +188,7 @@ def _open_checked(path: Path, magic: bytes) -> BinaryIO:
     file = path.open("rb")
     if file.read(len(magic)) != magic:
         file.close()
-        raise ValueError(f"{path.name}: not a recording: it does not start with {magic!r}")
+        raise DamagedError(f"{path.name}: not a recording: it does not start with {magic!r}")
     return file
 
 

@@ -29,6 +29,10 @@ RETENTION_TIME: Final = 3600.0  # s
 ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 
 
+class UploadNameError(Exception):
+    """A name is no plain file name with the suffix of an import format."""
+
+
 class UploadNotFoundError(LookupError):
     """No upload has this id."""
 
@@ -64,11 +68,11 @@ class Upload:
 
 
 def check_name(name: str) -> None:
-    """Raise ValueError unless the name is a plain file name with the suffix of an import format."""
+    """Raise UploadNameError unless the name is a plain file name with the suffix of an import format."""
     if not name.isprintable() or not 0 < len(name) <= MAX_NAME_LENGTH or set(name) & set("/\\:"):
-        raise ValueError(f"name {name[:60]!r}: expected a file's name without its folders")
+        raise UploadNameError(f"name {name[:60]!r}: expected a file's name without its folders")
     if PurePath(name).suffix.lower() not in IMPORT_FORMATS:
-        raise ValueError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORT_FORMATS)}")
+        raise UploadNameError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORT_FORMATS)}")
 
 
 class UploadStore:
@@ -93,7 +97,7 @@ class UploadStore:
 
         Raises
         ------
-        ValueError
+        UploadNameError
             The name is invalid.
         UploadStoreFullError
             Too many uploads are stored.

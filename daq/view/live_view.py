@@ -1,5 +1,6 @@
 """Live view: a rerun server fed by a separate thread that draws only the latest update."""
 
+import logging
 import socket
 import threading
 import time
@@ -14,6 +15,8 @@ from daq.errors import ServiceError
 from daq.session.live_update import LiveUpdate
 from daq.view.presenter import Presenter, operator_blueprint
 from daq.view.viewer_pages import ViewerPages
+
+logger = logging.getLogger(__name__)
 
 _APPLICATION = "rig"
 _MEMORY = "16MiB"  # one or two minutes for late viewers, which draw all of it before they are up to date
@@ -137,7 +140,8 @@ class LiveView:
             self._draw(stream)
             stream.flush()
             stream.disconnect()
-        except Exception as error:  # noqa: BLE001 - a failure of the view must not stop the run
+        except Exception as error:  # a failure of the view must not stop the run
+            logger.exception("the live view stopped")
             self._failure = f"the live view stopped: {error}"
         finally:
             self._pages.close()

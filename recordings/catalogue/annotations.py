@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recordings.atomic_file import atomic_write
-from recordings.errors import StorageError
+from recordings.errors import AnnotationError, StorageError
 
 SUFFIX = ".notes.json"
 FORMAT = 1
@@ -31,12 +31,12 @@ class Annotations:
 
 
 def validated(remark: str, tags: tuple[str, ...]) -> Annotations:
-    """Return annotations with the remark stripped and the tags sorted; ValueError if one is too long or malformed."""
+    """Return annotations with stripped remark and sorted tags; AnnotationError if one is too long or malformed."""
     if len(remark) > MAX_REMARK_LENGTH:
-        raise ValueError(f"remark: {len(remark)} characters, expected at most {MAX_REMARK_LENGTH}")
+        raise AnnotationError(f"remark: {len(remark)} characters, expected at most {MAX_REMARK_LENGTH}")
     for tag in tags:
         if not tag.strip() or tag != tag.strip() or len(tag) > MAX_TAG_LENGTH or not tag.isprintable():
-            raise ValueError(
+            raise AnnotationError(
                 f"tag: {tag[:80]!r}, expected 1 to {MAX_TAG_LENGTH} printable characters, no blanks at either end"
             )
     return Annotations(remark.strip(), tuple(sorted(set(tags))))
@@ -51,8 +51,14 @@ def load(run: Path) -> Annotations:
     """Return the annotations of a run; empty if they are missing or cannot be read."""
     try:
         content = json.loads(annotations_path(run).read_text(encoding="utf-8"))
-        return validated(content["remark"], tuple(content["tags"])) if isinstance(content, Mapping) else Annotations()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError):  # no such file, or neither UTF-8 nor JSON
+        return Annotations()
+    remark, tags = (content.get("remark"), content.get("tags")) if isinstance(content, Mapping) else (None, None)
+    if not (isinstance(remark, str) and isinstance(tags, list) and all(isinstance(tag, str) for tag in tags)):
+        return Annotations()
+    try:
+        return validated(remark, tuple(tags))
+    except AnnotationError:
         return Annotations()
 
 

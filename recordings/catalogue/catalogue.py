@@ -112,7 +112,7 @@ class Catalogue:
         ------
         NotFoundError
             If there is no such run.
-        ValueError
+        AnnotationError
             If a tag or the remark is not valid.
         StorageError
             If they cannot be stored.

@@ -206,7 +206,7 @@ class RunStore:
             text = connection.execute(select(CACHED.c.document).where(self._is(CACHED, run_id), of_file)).scalar()
         try:
             result = None if text is None else json.loads(text)
-        except ValueError:
+        except json.JSONDecodeError:
             return None
         return result if isinstance(result, dict) else None
 
@@ -283,7 +283,7 @@ class RunStore:
             if key in missing:
                 try:
                     self._setups[key] = header_from_json(json.loads(text))
-                except (DamagedError, ValueError):  # its runs are read from their files again
+                except (DamagedError, json.JSONDecodeError):  # its runs are read from their files again
                     continue
 
     def _tags(self, connection: Connection, run_id: str) -> dict[str, tuple[str, ...]]:

@@ -3,6 +3,7 @@
 A format's library is imported only when the format is used; the libraries are the extra ``formats``.
 """
 
+import logging
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from recordings.atomic_file import atomic_write
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
 from recordings.progress import Progress, ignore_progress
+
+logger = logging.getLogger(__name__)
 
 __all__ = ["EXPORT_FORMATS", "IMPORT_FORMATS", "Column", "Table", "read_table", "write_table"]
 
@@ -51,6 +54,7 @@ def read_table(path: Path) -> Table:
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
     except Exception as error:  # the libraries raise all kinds of errors for a damaged file
+        logger.info("%s cannot be read", path, exc_info=True)  # the traceback may show a defect of the reader
         kind = path.suffix.lower().removeprefix(".")
         raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
     if table.n_rows == 0:

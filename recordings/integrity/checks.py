@@ -207,7 +207,7 @@ class PulseCheck:
         """Stamps in all messages."""
 
     def check_pulses(self, data: bytes, where: str) -> Iterator[Finding]:
-        """Take the next pulse message and yield its faults; ValueError if the bytes are not such a message."""
+        """Take the next pulse message and yield its faults; MessageError if the bytes are not such a message."""
         message = parse_message(rig_pb2.Pulses(), data)
         position, ticks = f"{where}, segment {message.segment}", np.array(message.ticks, dtype=np.int64)
         self.count += ticks.size

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
-from recordings.errors import DamagedError, RecordingError
+from recordings.errors import DamagedError, MessageError, RecordingError
 from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import Container
 from recordings.mcap.layout import (
@@ -263,7 +263,7 @@ class _Salvage:
                     yield decode_segment_end(message.data)
                 elif message.channel == CHANNEL_IDS[MARKER]:
                     self._markers.append(decode_marker(message.data))
-            except ValueError:  # intact, but written by another program
+            except MessageError:  # intact, but written by another program
                 continue
 
     def _ends(self) -> dict[int, SegmentEnd]:

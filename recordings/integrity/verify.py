@@ -10,7 +10,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
-from recordings.errors import DamagedError, RecordingError
+from recordings.errors import DamagedError, MessageError, RecordingError
 from recordings.integrity.checks import (
     Check,
     ContinuityCheck,
@@ -220,7 +220,7 @@ class _Verifier:
             self._n_messages[message.channel] += 1
             try:
                 yield from self._message(message, where)
-            except ValueError as error:
+            except MessageError as error:
                 yield Finding(Check.FILE, where, f"a message of channel {message.channel} cannot be read: {error}")
 
     def _message(self, message: StoredMessage, where: str) -> Iterator[Finding]:

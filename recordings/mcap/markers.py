@@ -5,7 +5,7 @@ from enum import StrEnum
 
 from analysis.signals.header import RunHeader
 from recordings.mcap.layout import MARKER, sample_time_ns
-from recordings.mcap.messages import parse_message
+from recordings.mcap.messages import message_errors, parse_message
 from recordings.mcap.results import EncodedResult
 from recordings.mcap.schema import rig_pb2
 
@@ -64,8 +64,9 @@ def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
     return EncodedResult(MARKER, log_time_ns, message.SerializeToString(), marker.segment)
 
 
+@message_errors()
 def decode_marker(data: bytes) -> Marker:
-    """Return the marker of a serialised message; ValueError."""
+    """Return the marker of a serialised message; MessageError."""
     message = parse_message(rig_pb2.Mark(), data)
     kind = MarkerKind(message.kind or MarkerKind.WORD)
     return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

@@ -1,5 +1,7 @@
 """Encoding and decoding of sample blocks, segment ends and counter pulses; the message definitions of a file."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeVar
 
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition
+from recordings.errors import MessageError
 from recordings.mcap.schema import rig_pb2
 from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
 
@@ -63,17 +66,17 @@ def unpack_codes(data: bytes, codec: int, n_channels: int, n_samples: int) -> ND
 
     Raises
     ------
-    ValueError
+    MessageError
         If the codec is unknown, or the number of bytes does not fit the shape.
     """
     expected = BYTES_PER_CODE * n_channels * n_samples
     if len(data) != expected:
-        raise ValueError(f"codes: {len(data)} bytes, expected {expected} for {n_channels} x {n_samples} samples")
+        raise MessageError(f"codes: {len(data)} bytes, expected {expected} for {n_channels} x {n_samples} samples")
     shape = (n_channels, n_samples)
     if codec == CODEC_INT16:
         return np.frombuffer(data, dtype="<i2").reshape(shape).astype(np.int16)
     if codec != CODEC_DELTA_SHUFFLE:
-        raise ValueError(f"codec: {codec}, expected {CODEC_INT16} or {CODEC_DELTA_SHUFFLE}")
+        raise MessageError(f"codec: {codec}, expected {CODEC_INT16} or {CODEC_DELTA_SHUFFLE}")
     low, high = np.frombuffer(data, dtype=np.uint8).reshape(BYTES_PER_CODE, *shape)
     # still folded; arithmetic on whole planes is four times as fast as shuffling bytes
     deltas = high.astype(np.uint16)
@@ -96,12 +99,21 @@ Message = TypeVar(
 )
 
 
+@contextmanager
+def message_errors() -> Iterator[None]:
+    """Raise MessageError where a message has values that are no valid enumerator, shape or number."""
+    try:
+        yield
+    except ValueError as error:
+        raise MessageError(str(error)) from error
+
+
 def parse_message(message: Message, data: bytes) -> Message:
-    """Parse bytes into an empty message and return it; ValueError if the bytes are not such a message."""
+    """Parse bytes into an empty message and return it; MessageError if the bytes are not such a message."""
     try:
         message.ParseFromString(data)
     except DecodeError as error:
-        raise ValueError(f"not a {type(message).__name__}: {error}") from error
+        raise MessageError(f"not a {type(message).__name__}: {error}") from error
     return message
 
 
@@ -127,8 +139,9 @@ def encode_block(block: SampleBlock) -> bytes:
     return message.SerializeToString()
 
 
+@message_errors()
 def decode_block(data: bytes) -> SampleBlock:
-    """Return the block of a serialised message; ValueError."""
+    """Return the block of a serialised message; MessageError."""
     message = parse_message(rig_pb2.SampleBlock(), data)
     codes = unpack_codes(message.codes, message.codec, message.channels, message.samples)
     return SampleBlock(codes, message.segment, message.first_sample, message.host_time_ns, message.backlog)
@@ -153,8 +166,9 @@ def encode_segment_end(end: SegmentEnd) -> bytes:
     return message.SerializeToString()
 
 
+@message_errors()
 def decode_segment_end(data: bytes) -> SegmentEnd:
-    """Return the segment end of a serialised message; ValueError."""
+    """Return the segment end of a serialised message; MessageError."""
     message = parse_message(rig_pb2.SegmentEnd(), data)
     return SegmentEnd(
         message.segment, message.samples, EndReason(message.reason), message.lost, message.lost_is_exact, message.detail
@@ -215,7 +229,7 @@ class PulseMerger:
         self._failed_segment = -1
 
     def add_pulses(self, data: bytes) -> None:
-        """Take a serialised pulse message; ValueError."""
+        """Take a serialised pulse message; MessageError."""
         message = parse_message(rig_pb2.Pulses(), data)
         self._pending[message.segment, message.first_sample] = message
 

@@ -13,7 +13,7 @@ from analysis.live.delivery import PPM, ClockError, DeliveryStatistics
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
-from recordings.errors import DamagedError
+from recordings.errors import DamagedError, MessageError
 from recordings.mcap.chunk_table import ChunkLocation
 from recordings.mcap.container import Container, StoredMessage
 from recordings.mcap.layout import (
@@ -135,13 +135,13 @@ class RunReader:
         merger = PulseMerger(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
             if message.channel in SAMPLE_CHANNEL:
-                with suppress(ValueError):  # an invalid message counts as lost
+                with suppress(MessageError):  # an invalid message counts as lost
                     yield from sequence.add_block(merger.merge(self._block(message.data)))
             elif message.channel in PULSE_CHANNEL:
-                with suppress(ValueError):
+                with suppress(MessageError):
                     merger.add_pulses(message.data)
             elif message.channel in END_CHANNEL:
-                with suppress(ValueError):
+                with suppress(MessageError):
                     yield from sequence.add_segment_end(decode_segment_end(message.data))
         yield from sequence.finish()
 
@@ -207,7 +207,7 @@ class RunReader:
             first_chunk = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
             for message in self._messages(PULSE_CHANNEL, first_chunk):
                 if message.channel in PULSE_CHANNEL:
-                    with suppress(ValueError):
+                    with suppress(MessageError):
                         found = parse_message(rig_pb2.Pulses(), message.data)
                         if (found.segment, found.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
                             break
@@ -222,7 +222,7 @@ class RunReader:
         markers = []
         for message in self._messages(MARKER_CHANNEL):
             if message.channel in MARKER_CHANNEL:
-                with suppress(ValueError):
+                with suppress(MessageError):
                     markers.append(decode_marker(message.data))
         return tuple(sorted(markers, key=lambda marker: (marker.segment, marker.sample)))
 
@@ -233,7 +233,7 @@ class RunReader:
     def _snapshots(self, first_chunk: int) -> Iterator[Snapshot]:
         frame: rig_pb2.OrderFrame | None = None
         for message in self._messages(RESULT_CHANNELS, first_chunk):
-            with suppress(ValueError):  # a result that cannot be read can be computed again
+            with suppress(MessageError):  # a result that cannot be read can be computed again
                 if message.channel == CHANNEL_IDS[ORDER_FRAME]:
                     frame = parse_message(rig_pb2.OrderFrame(), message.data)
                 elif message.channel == CHANNEL_IDS[FEATURES]:
@@ -299,7 +299,7 @@ class RunReader:
         ends = {}
         for message in self._messages(END_CHANNEL):
             if message.channel in END_CHANNEL:
-                with suppress(ValueError):
+                with suppress(MessageError):
                     end = decode_segment_end(message.data)
                     ends[end.segment] = end
         for chunk in reversed(self._container.chunks):
@@ -315,7 +315,7 @@ class RunReader:
     def _last_span(self, chunk: ChunkLocation) -> tuple[int, int] | None:
         """Return segment and end of the last block of a chunk; None if it has no block."""
         span = None
-        with suppress(DamagedError, ValueError):
+        with suppress(DamagedError):
             for message in self._container.messages(chunk):
                 if message.channel in SAMPLE_CHANNEL:
                     span = block_span(message.data)
@@ -334,7 +334,7 @@ class RunReader:
         first_chunk = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
         for message in self._messages(SAMPLE_CHANNEL, first_chunk):
             if message.channel in SAMPLE_CHANNEL:
-                with suppress(ValueError):
+                with suppress(MessageError):
                     block = self._block(message.data)
                     if block.segment > segment:
                         return
@@ -345,7 +345,7 @@ class RunReader:
         block = decode_block(data)
         n_channels = len(self.header.acquisition.channels)
         if block.codes.shape[0] != n_channels:
-            raise ValueError(f"block of {block.codes.shape[0]} channels, expected {n_channels}")
+            raise MessageError(f"block of {block.codes.shape[0]} channels, expected {n_channels}")
         return block
 
 

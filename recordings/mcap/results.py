@@ -20,7 +20,9 @@ from analysis.signals.snapshot import (
     Whirl,
 )
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from recordings.errors import MessageError
 from recordings.mcap.layout import FEATURES, NANOSECONDS, ORDER_FRAME
+from recordings.mcap.messages import message_errors
 from recordings.mcap.schema import rig_pb2
 
 
@@ -70,16 +72,17 @@ def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult
     ]
 
 
+@message_errors()
 def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None) -> Snapshot:
     """Return the snapshot of a pair of messages; its trace is empty.
 
     Raises
     ------
-    ValueError
+    MessageError
         If the messages do not belong together or have invalid values.
     """
     if features.has_order_frame != (frame is not None):
-        raise ValueError(f"features of sample {features.sample}: the order frame is missing")
+        raise MessageError(f"features of sample {features.sample}: the order frame is missing")
     return Snapshot(
         segment=features.segment,
         sample=features.sample,
@@ -284,7 +287,7 @@ def _decoded_whirl(message: rig_pb2.Whirl) -> Whirl:
 def _decoded_runout(message: rig_pb2.RunOut) -> RunOut:
     vectors = np.stack([_vectors(message.x), _vectors(message.y)], axis=1)
     if len(vectors) < 2:
-        raise ValueError(f"run-out of {len(vectors)} orders, expected at least 2")
+        raise MessageError(f"run-out of {len(vectors)} orders, expected at least 2")
     return RunOut(vectors, _floats([message.sigma_1x_m, message.sigma_2x_m]))
 
 

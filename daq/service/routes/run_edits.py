@@ -152,10 +152,7 @@ class RunEditRoutes:
             self._check_if_match(run, if_match)
             return self._catalogue.annotate(run, remark=annotation.remark, tags=annotation.tags)
 
-        try:
-            schema = run_schema(await self._edit_threads.run(annotate_run))
-        except ValueError as error:
-            raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
+        schema = run_schema(await self._edit_threads.run(annotate_run))
         response.headers["ETag"] = strong_etag(schema)
         return schema
 

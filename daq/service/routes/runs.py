@@ -241,8 +241,6 @@ class RunRoutes:
             raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file no longer exists") from error
         except OSError as error:
             raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
-        except ValueError as error:
-            raise ProblemError(ProblemType.RUN_DAMAGED, str(error)) from error
 
     async def _result_response(
         self, request: Request, run: str, path: str, query: QueryParameters | None = None

@@ -22,6 +22,7 @@ from daq.service.uploads import (
     MAX_NAME_LENGTH,
     MAX_UPLOAD_SIZE,
     Upload,
+    UploadNameError,
     UploadNotFoundError,
     UploadReceiver,
     UploadStore,
@@ -125,7 +126,7 @@ class UploadRoutes:
             upload = await self._lookup_threads.run(partial(self._uploads.add, query.name, path, size))
         except UploadStoreFullError as error:
             raise ProblemError(ProblemType.TOO_MANY_UPLOADS, str(error)) from error
-        except ValueError as error:
+        except UploadNameError as error:
             raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
         response.headers["Location"] = f"{API_PREFIX}/uploads/{upload.id}"
         return upload_schema(upload)

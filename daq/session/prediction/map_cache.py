@@ -168,7 +168,7 @@ class CachedPredictionMap:
 
         Raises
         ------
-        ModelError, ValueError
+        ModelError
             The motion cannot be computed.
         """
         if self._map is None:
@@ -179,7 +179,7 @@ class CachedPredictionMap:
 
     def wait(self, _timeout: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
         """Load or compute the map, with the interface of `Predictor.wait`; None where the model has no solution."""
-        with suppress(ModelError, ValueError):
+        with suppress(ModelError):
             return self.load_or_compute(lambda done, total: on_progress(f"computing {100 * done // total} %"))
         return None
 

@@ -1,5 +1,6 @@
 """A run being recorded: controls the recorder process, analyses its samples live and returns the results to it."""
 
+import logging
 import math
 import multiprocessing
 import threading
@@ -37,6 +38,8 @@ from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import LivePredictor, RunOutcome
 from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, encode_marker
 from recordings.mcap.results import encode_snapshot
+
+logger = logging.getLogger(__name__)
 
 OPEN_DEADLINE = 120.0  # s: the simulated rig compiles its model the first time
 OPEN_POLL_INTERVAL = 0.1  # s between checks for a stop request while the device is being opened
@@ -216,7 +219,8 @@ class RecordedRun:
         """Analyse the run and receive the recorder's end, also after an error here."""
         try:
             self._analyse_until_end()
-        except Exception as error:  # noqa: BLE001 - any error: the recorder is stopped and completes its file
+        except Exception as error:  # any error: the recorder is stopped and completes its file
+            logger.exception("the run was stopped")
             self._error = f"the run was stopped by a program error: {type(error).__name__}: {error}"
             self._request_stop()
         self._sender.send(ResultsEnded(self._reader.skipped))
@@ -229,7 +233,9 @@ class RecordedRun:
         """Offer a live update without a new snapshot."""
         try:
             self._display.offer(self.status())
-        except Exception as error:  # noqa: BLE001 - an error of a sink must not end a recording: it is reported
+        except Exception as error:  # an error of a sink must not end a recording: it is reported
+            if not self._analysis_error:  # once, not for each update
+                logger.exception("a live display failed")
             self._analysis_error = f"a live display failed: {type(error).__name__}: {error}; the recording continues"
 
     def _analyse_until_end(self) -> None:
@@ -268,7 +274,8 @@ class RecordedRun:
                 continue
             try:
                 self._analysis.process(item, self.status())
-            except Exception as error:  # noqa: BLE001 - an error of the analysis must not end a recording: it is reported
+            except Exception as error:  # an error of the analysis must not end a recording: it is reported
+                logger.exception("live analysis stopped")
                 self._analysis_error = (
                     f"live analysis stopped: {type(error).__name__}: {error}; the recording continues"
                 )

@@ -6,6 +6,7 @@ store with the samples, `StopRequest`, and `ResultsEnded` when no more results f
 the recorder stops the source and completes the file on its own.
 """
 
+import logging
 import shutil
 import signal
 import threading
@@ -36,6 +37,8 @@ from recordings.errors import RecordingError
 from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.parts import PartLimits, PartWriter
 from recordings.mcap.results import EncodedResult
+
+logger = logging.getLogger(__name__)
 
 RESULTS_DEADLINE = 15.0  # s to wait for the last results after the acquisition, before the file is closed without
 
@@ -104,7 +107,9 @@ def run_header(request: RecordingRequest, source: Source) -> RunHeader:
     )
 
 
-def _fault_message(error: Exception) -> str:
+def _log_fault(error: Exception) -> str:
+    """Log the traceback of a defect and return its message for the end of the file."""
+    logger.error("recording stopped", exc_info=error)
     return f"recording stopped by a program error: {type(error).__name__}: {error}"
 
 
@@ -146,7 +151,7 @@ class _Recorder:
             self._statistics.start()
             self._record_blocks()
         except Exception as error:  # noqa: BLE001 - any error: the file is completed and the error reported
-            self._message = _fault_message(error)
+            self._message = _log_fault(error)
             self._source.stop()
         finally:
             self._ring.finish()
@@ -245,7 +250,7 @@ class _Recorder:
         except (EOFError, OSError):
             pass  # the controlling process is dead
         except Exception as error:  # noqa: BLE001 - any error: the file is completed and the error reported
-            self._message = _fault_message(error)
+            self._message = _log_fault(error)
         finally:
             self._source.stop()
             self._results_ended.set()

@@ -17,7 +17,7 @@ from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.entry import calibration_identity
 from recordings.catalogue.search import Search
-from recordings.errors import NotFoundError, StorageError
+from recordings.errors import AnnotationError, NotFoundError, StorageError
 from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
@@ -199,7 +199,7 @@ def test_annotations_are_stored_beside_the_run_and_seen_by_other_catalogues(tmp_
 @pytest.mark.parametrize("tag", ["", " ", " a", "a\n", "x" * 65])
 def test_invalid_tag_is_an_error(tmp_path: Path, record: Record, tag: str) -> None:
     record("run")
-    with pytest.raises(ValueError, match="tag: "):
+    with pytest.raises(AnnotationError, match="tag: "):
         Catalogue(tmp_path).annotate("run", tags=["good", tag])
     assert not (tmp_path / "run.notes.json").exists()
 

@@ -15,6 +15,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from recordings.errors import MessageError
 from recordings.mcap.messages import (
     block_span,
     decode_block,
@@ -72,12 +73,12 @@ def test_segment_end_survives_a_round_trip(reason: EndReason) -> None:
 
 @pytest.mark.parametrize("decode", [decode_block, decode_segment_end, block_span])
 def test_bytes_that_are_no_message_are_an_error(decode: Callable[[bytes], object]) -> None:
-    with pytest.raises(ValueError, match="not a "):
+    with pytest.raises(MessageError, match="not a "):
         decode(b"\xff\xff\xff")
 
 
 def test_unknown_reason_is_an_error() -> None:
-    with pytest.raises(ValueError, match="'bored' is not a valid EndReason"):
+    with pytest.raises(MessageError, match="'bored' is not a valid EndReason"):
         decode_segment_end(rig_pb2.SegmentEnd(reason="bored").SerializeToString())
 
 
@@ -110,10 +111,10 @@ def test_plain_int16_is_unpacked() -> None:
 
 
 def test_bytes_that_do_not_fit_the_shape_are_an_error() -> None:
-    with pytest.raises(ValueError, match="11 bytes, expected 12 for 2 x 3 samples"):
+    with pytest.raises(MessageError, match="11 bytes, expected 12 for 2 x 3 samples"):
         unpack_codes(bytes(11), CODEC_DELTA_SHUFFLE, 2, 3)
 
 
 def test_unknown_codec_is_an_error() -> None:
-    with pytest.raises(ValueError, match="codec: 0"):
+    with pytest.raises(MessageError, match="codec: 0"):
         unpack_codes(bytes(12), CODEC_UNSPECIFIED, 2, 3)

@@ -9,6 +9,7 @@ import pytest
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, RPM
+from recordings.errors import MessageError
 from recordings.mcap.results import decode_snapshot, encode_snapshot
 from recordings.mcap.schema import rig_pb2
 
@@ -89,5 +90,5 @@ def test_features_without_an_order_frame_have_no_orders(header: RunHeader, make_
 
 def test_features_with_a_missing_order_frame_are_an_error(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
     features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000), header)[-1].data)
-    with pytest.raises(ValueError, match="sample 2000: the order frame is missing"):
+    with pytest.raises(MessageError, match="sample 2000: the order frame is missing"):
         decode_snapshot(features, None)
