@@ -20,7 +20,7 @@ from daq.reports.analysis_export import analysis_table, encode_analysis
 from daq.reports.analysis_result import AnalysisResult, analysis_schema
 from daq.reports.columns import QUANTITIES
 from daq.reports.errors import PngUnavailableError
-from daq.reports.parameters import MAX_ORDERS, AnalysisForm, QueryParameters
+from daq.reports.parameters import MAX_ORDERS, AnalysisFormat, QueryParameters
 from daq.reports.plots.png import require_matplotlib
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
@@ -29,7 +29,7 @@ from recordings.mcap.reader import RunReader
 
 PROGRESS_DELAY = 1.0  # s before progress is shown
 TABLE_SUFFIXES = (".csv", ".parquet")
-PLOT_FORMS = {".svg": AnalysisForm.SVG, ".png": AnalysisForm.PNG}
+PLOT_FORMATS = {".svg": AnalysisFormat.SVG, ".png": AnalysisFormat.PNG}
 PARAMETER_NAME = re.compile(r"`(\w+)`")  # another parameter in a description
 DEST_PREFIX = "parameter_"  # separates analysis parameters from other options
 FORMAT_PARAMETER = "format"  # no option: the suffix of -o sets the format
@@ -64,7 +64,7 @@ def add_commands(add: AddCommand) -> None:
         subcommand.add_argument("--json", action="store_true", help="print all data as JSON")
         subcommand.add_argument(
             "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-            help=f"plot ({', '.join(PLOT_FORMS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable",
+            help=f"plot ({', '.join(PLOT_FORMATS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable",
         )  # fmt: skip
         show_examples(subcommand, f"rig analyse {name} RUN -o {name}.svg")
         subcommand.set_defaults(run=run_analyse)
@@ -137,13 +137,13 @@ def _fault_text(fault: Any) -> str:
 def _require_writable(file: Path) -> None:
     """Raise UsageError, before anything is computed, if the result could not be written to this file."""
     suffix = file.suffix.lower()
-    if suffix not in {*PLOT_FORMS, *TABLE_SUFFIXES}:
-        raise UsageError(f"-o {file}: expected a name that ends with {', '.join((*PLOT_FORMS, *TABLE_SUFFIXES))}")
+    if suffix not in {*PLOT_FORMATS, *TABLE_SUFFIXES}:
+        raise UsageError(f"-o {file}: expected a name that ends with {', '.join((*PLOT_FORMATS, *TABLE_SUFFIXES))}")
     if suffix in TABLE_SUFFIXES and file.exists():
         raise UsageError(f"-o {file}: exists already; tables are never overwritten")
     if not file.parent.is_dir():
         raise UsageError(f"-o {file}: there is no folder {file.parent}")
-    if PLOT_FORMS.get(suffix) is AnalysisForm.PNG:
+    if PLOT_FORMATS.get(suffix) is AnalysisFormat.PNG:
         try:
             require_matplotlib()
         except PngUnavailableError as error:
@@ -151,12 +151,12 @@ def _require_writable(file: Path) -> None:
 
 
 def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None:
-    form = PLOT_FORMS.get(file.suffix.lower())
-    if form is None:
+    file_format = PLOT_FORMATS.get(file.suffix.lower())
+    if file_format is None:
         write_table(file, analysis_table(analysis, run_id))
         return
     try:
-        file.write_bytes(encode_analysis(analysis, run_id, kind, form))
+        file.write_bytes(encode_analysis(analysis, run_id, kind, file_format))
     except OSError as error:
         raise UsageError(f"-o {file}: {error.strerror or error}") from error
 

@@ -30,11 +30,24 @@ def add_folder(command: argparse.ArgumentParser) -> None:
 
 
 def add_service_address(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """Add the options `--host`, `--port` and `--token` of page and REST."""
+    """Add the options `--host`, `--port` and `--token` of the page and REST that a command serves."""
     parser.add_argument("--host", default="127.0.0.1", help="address of page and REST (default: this machine only)")
     parser.add_argument(
         "--port", type=port, default=_DEFAULT_PORT, help=f"port of page and REST (default {_DEFAULT_PORT}; 0: any free)"
     )
+    _add_token(parser)
+
+
+def add_client_address(parser: argparse.ArgumentParser) -> None:
+    """Add the options `--host`, `--port` and `--token` of the service that a command sends a request to."""
+    parser.add_argument("--host", default="127.0.0.1", help="address of the service (default: this machine)")
+    parser.add_argument(
+        "--port", type=client_port, default=_DEFAULT_PORT, help=f"port of the service (default {_DEFAULT_PORT})"
+    )
+    _add_token(parser)
+
+
+def _add_token(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     parser.add_argument(
         "--token",
         default=os.environ.get("RIG_TOKEN", ""),
@@ -84,8 +97,15 @@ def speed(text: str) -> float:
     return value
 
 
+def client_port(text: str) -> int:
+    """Return the TCP port number of a service to connect to."""
+    if not text.isdigit() or not 0 < int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 1 to 65535")
+    return int(text)
+
+
 def port(text: str) -> int:
-    """Return a TCP port number."""
+    """Return a TCP port number to listen on."""
     if not text.isdigit() or int(text) > 65535:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free port) to 65535")
     return int(text)

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
-from daq.cli.arguments import AddCommand, add_service_address, show_examples
+from daq.cli.arguments import AddCommand, add_client_address, show_examples
 from daq.cli.output.terminal import print_json
 from daq.errors import UsageError
 
@@ -18,14 +18,14 @@ RESPONSE_TIMEOUT = 5.0  # s
 def add_commands(add: AddCommand) -> None:
     """Add `rig mark` and `rig acknowledge` to the command line."""
     command = add("mark", run_mark)
-    command.add_argument("word", metavar="WORD", nargs="*", help="text of the marker (default: marker)")
+    command.add_argument("text", metavar="TEXT", nargs="*", help="text of the marker (default: marker)")
     command.add_argument("--json", action="store_true", help="print JSON")
-    add_service_address(command)
+    add_client_address(command)
     show_examples(command, "rig mark knocking begins")
 
     command = add("acknowledge", run_acknowledge)
     command.add_argument("--json", action="store_true", help="print JSON")
-    add_service_address(command)
+    add_client_address(command)
 
 
 def post_to_live(args: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def run_acknowledge(args: argparse.Namespace) -> int:
 
 def run_mark(args: argparse.Namespace) -> int:
     """Add a marker to the run that is recording; return the exit code."""
-    response = post_to_live(args, "markers", {"text": " ".join(args.word)})
+    response = post_to_live(args, "markers", {"text": " ".join(args.text)})
     if args.json:
         print_json(response)
         return 0

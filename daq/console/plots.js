@@ -6,10 +6,11 @@ const PLOT_TIMEOUT = 60000; // ms: the service may have to read samples first
 const PLOTS_AT_TIME = [
   ["orbit", "orbit", {}],
   ["1X orbit", "orbit", { filter: "orders", orders: "1" }],
-  ["not-1X orbit", "orbit", { filter: "rest", orders: "1", revolutions: 8 }],
+  ["not-1X orbit", "orbit", { filter: "without", orders: "1", revolutions: 8 }],
   ["order spectrum", "order-spectrum", {}],
   ["full spectrum", "full-spectrum", {}],
   ["average revolution", "average", {}],
+  ["1X and 2X waveforms", "waveforms", { orders: "1,2" }],
   ["Poincaré points", "poincare", {}],
 ];
 const PLOTS_OF_RUN = [
@@ -24,6 +25,8 @@ const PLOTS_OF_RUN = [
   ["bifurcation", "bifurcation", {}],
   ["centreline", "centreline", {}],
   ["overall", "overall", {}],
+  ["frequency spectrum", "frequency-spectrum", {}],
+  ["run-out", "slow-roll", {}],
 ];
 
 function make(tag, properties = {}, ...children) {

@@ -11,7 +11,7 @@ import numpy as np
 
 from daq.reports.analysis_result import AnalysisResult, ProgressCallback, analysis_schema
 from daq.reports.errors import ArrowUnavailableError
-from daq.reports.parameters import AnalysisForm, AnalysisQuery
+from daq.reports.parameters import AnalysisFormat, AnalysisQuery
 from daq.reports.plots.png import render_png
 from daq.reports.plots.svg import render_svg
 from daq.reports.registry import KINDS
@@ -32,7 +32,7 @@ def analysis_response(path: Path, what: str, query: AnalysisQuery) -> bytes:
     status = file_status(path)
     parameters = query.model_copy(update={"format": None})
     run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, match[2], parameters)
-    return encode_analysis(analysis, run, match[2], AnalysisForm(match[3]))
+    return encode_analysis(analysis, run, match[2], AnalysisFormat(match[3]))
 
 
 def run_analysis(
@@ -50,7 +50,7 @@ def _cached_analysis(
     return run_analysis(path, kind, query, lambda _task, _fraction: None)
 
 
-def encode_analysis(analysis: AnalysisResult, run: str, kind: str, form: AnalysisForm) -> bytes:
+def encode_analysis(analysis: AnalysisResult, run: str, kind: str, file_format: AnalysisFormat) -> bytes:
     """Return an analysis encoded in a format.
 
     Raises
@@ -58,16 +58,16 @@ def encode_analysis(analysis: AnalysisResult, run: str, kind: str, form: Analysi
     PngUnavailableError, ArrowUnavailableError
         The package that writes the format is not installed.
     """
-    match form:
-        case AnalysisForm.JSON:
+    match file_format:
+        case AnalysisFormat.JSON:
             return analysis_schema(run, kind, analysis).model_dump_json().encode()
-        case AnalysisForm.NPZ:
+        case AnalysisFormat.NPZ:
             return _npz(analysis, run)
-        case AnalysisForm.ARROW:
+        case AnalysisFormat.ARROW:
             return _arrow(analysis, run)
-        case AnalysisForm.SVG:
+        case AnalysisFormat.SVG:
             return render_svg(analysis.panels).encode()
-        case AnalysisForm.PNG:
+        case AnalysisFormat.PNG:
             return render_png(analysis.panels)
 
 

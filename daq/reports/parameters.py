@@ -169,7 +169,7 @@ HighestOrder = Annotated[float, Field(description="Highest order", ge=1, le=100,
 Width = Annotated[float, Field(description="Width of a speed bin, r/min", ge=1, le=MAX_SPEED_RPM, examples=[100.0])]
 
 
-class AnalysisForm(StrEnum):
+class AnalysisFormat(StrEnum):
     """Format of an analysis: numbers or a plot."""
 
     JSON = "json"
@@ -190,7 +190,7 @@ class MapLines(StrEnum):
 class AnalysisQuery(QueryParameters):
     """Base of the parameters of all analyses."""
 
-    format: Annotated[AnalysisForm | None, Field(description="Overrides the Accept header", examples=["json"])] = None
+    format: Annotated[AnalysisFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
 
 
 class ShaftAngleQuery(AnalysisQuery):
@@ -260,7 +260,7 @@ class OrbitFilter(StrEnum):
 
     DIRECT = "direct"  # unfiltered
     ORDERS = "orders"  # the selected orders only
-    REST = "rest"  # all but the selected orders: not-1X
+    WITHOUT = "without"  # all but the selected orders: not-1X
 
 
 class OrbitQuery(FrameAnalysisQuery):
@@ -269,7 +269,7 @@ class OrbitQuery(FrameAnalysisQuery):
     filter: Annotated[
         OrbitFilter,
         Field(
-            description="direct: unfiltered; orders: only those of `orders` (1X, 2X, nX); rest: all but those (not-1X)"
+            description="direct: unfiltered; orders: only those of `orders` (1X, 2X, nX); without: all others (not-1X)"
         ),
     ] = OrbitFilter.DIRECT
     orders: Annotated[

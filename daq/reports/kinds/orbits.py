@@ -84,7 +84,7 @@ def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...
             return filtered_orbit(
                 prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             ), named
-        case OrbitFilter.REST:
+        case OrbitFilter.WITHOUT:
             found = orbit_without(
                 prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             )

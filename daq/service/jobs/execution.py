@@ -12,7 +12,7 @@ from analysis.signals.header import Calibration, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rotor import model_parameters
 from daq.reports.analysis_export import encode_analysis, run_analysis
-from daq.reports.parameters import AnalysisForm, AnalysisQuery
+from daq.reports.parameters import AnalysisFormat, AnalysisQuery
 from daq.reports.run_history import read_history
 from daq.reports.run_summaries import Summaries
 from daq.schemas.live import predicted_vibration_schema
@@ -77,7 +77,7 @@ def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, qu
     """Write an analysis of a run's samples, in the format of the target's suffix."""
     run, analysis = run_analysis(path, kind, query, ProgressThrottle(report).report)
     report(Progress("writing"))
-    write_result(target, encode_analysis(analysis, run, kind, AnalysisForm(target.suffix.removeprefix("."))))
+    write_result(target, encode_analysis(analysis, run, kind, AnalysisFormat(target.suffix.removeprefix("."))))
 
 
 def summary_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:

@@ -1,27 +1,30 @@
 """Request and response schemas of jobs."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from daq.config.calibration import CalibrationRecord
 from daq.reports.parameters import MAX_TIME
+from daq.reports.registry import KINDS
 from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import Job, JobState
 from daq.service.schemas.uploads import ImportRequest, validate_as_file
+from recordings.exchange.formats import EXPORT_FORMATS
 
 JOBS = "/api/v1/jobs"
 
 ParameterValue: TypeAlias = str | float | bool | None
 
 
-class ResultPath(StrEnum):
-    """Path of a result below `/api/v1/runs/{run}/`."""
+class RecordedResult(StrEnum):
+    """Path of a recorded result below `/api/v1/runs/{run}/`."""
 
     SUMMARY = "summary"
     ORDER_VECTORS = "order-vectors"
@@ -32,34 +35,31 @@ class ResultPath(StrEnum):
     ORDER_SPECTRUM = "order-spectrum"
     FULL_SPECTRUM = "full-spectrum"
     ORBIT = "orbit"
-    ANALYSES_ORDER_SPECTRUM = "analyses/order-spectrum"
-    ANALYSES_FULL_SPECTRUM = "analyses/full-spectrum"
-    ANALYSES_FREQUENCY_SPECTRUM = "analyses/frequency-spectrum"
-    ANALYSES_CASCADE = "analyses/cascade"
-    ANALYSES_WATERFALL = "analyses/waterfall"
-    ANALYSES_BODE = "analyses/bode"
-    ANALYSES_POLAR = "analyses/polar"
-    ANALYSES_ORBIT = "analyses/orbit"
-    ANALYSES_CENTRELINE = "analyses/centreline"
-    ANALYSES_ENVELOPES = "analyses/envelopes"
-    ANALYSES_WAVEFORMS = "analyses/waveforms"
-    ANALYSES_AVERAGE = "analyses/average"
-    ANALYSES_POINCARE = "analyses/poincare"
-    ANALYSES_BIFURCATION = "analyses/bifurcation"
-    ANALYSES_SUB_SYNCHRONOUS = "analyses/sub-synchronous"
-    ANALYSES_OVERALL = "analyses/overall"
-    ANALYSES_SLOW_ROLL = "analyses/slow-roll"
 
 
-class ExportFormat(StrEnum):
-    """Format of an exported file."""
+ANALYSIS_PREFIX: Final = "analyses/"
+RESULT_PATHS: Final = (*RecordedResult, *(f"{ANALYSIS_PREFIX}{kind}" for kind in KINDS))
+EXPORT_SUFFIXES: Final = tuple(suffix.removeprefix(".") for suffix in EXPORT_FORMATS)
 
-    CSV = "csv"
-    PARQUET = "parquet"
-    HDF5 = "h5"
-    TDMS = "tdms"
-    MATLAB = "mat"
-    UFF = "uff"
+
+def one_of(values: Sequence[str]) -> AfterValidator:
+    """Return a validator that accepts only these values."""
+
+    def check(value: str) -> str:
+        if value not in values:
+            raise ValueError(f"{value!r}: expected one of {', '.join(values)}")
+        return value
+
+    return AfterValidator(check)
+
+
+def choice_schema(values: Sequence[str]) -> WithJsonSchema:
+    """Return the JSON schema of a choice of these values."""
+    return WithJsonSchema({"type": "string", "enum": list(values)})
+
+
+ResultPath: TypeAlias = Annotated[str, one_of(RESULT_PATHS), choice_schema(RESULT_PATHS)]
+ExportFormat: TypeAlias = Annotated[str, one_of(EXPORT_SUFFIXES), choice_schema(EXPORT_SUFFIXES)]
 
 
 class ExportContent(StrEnum):

@@ -11,7 +11,7 @@ from analysis.signals.header import Calibration, RunHeader
 from daq.config.calibration import to_calibration
 from daq.errors import ConfigError, UsageError
 from daq.reports.parameters import (
-    AnalysisForm,
+    AnalysisFormat,
     AnalysisQuery,
     FrameQuery,
     QueryParameters,
@@ -23,12 +23,13 @@ from daq.reports.registry import KINDS
 from daq.service.jobs import execution
 from daq.service.jobs.queue import CatalogueLocation, Task
 from daq.service.jobs.schemas import (
+    ANALYSIS_PREFIX,
     ExportRequest,
     IndexRequest,
     PredictionRequest,
     ReanalysisRequest,
+    RecordedResult,
     RecoveryRequest,
-    ResultPath,
     ResultRequest,
     RunJobRequest,
     VerificationRequest,
@@ -38,22 +39,21 @@ from daq.service.problems import ProblemError
 from daq.session.offline import corrected_header
 from recordings.catalogue.catalogue import RunEntry
 
-ANALYSIS_PREFIX: Final = "analyses/"
-RESULT_QUERIES: Final[Mapping[ResultPath, type[QueryParameters]]] = {
-    ResultPath.TREND: TrendQuery,
-    ResultPath.CASCADE: RecordedCascadeQuery,
-    ResultPath.WATERFALL: RecordedWaterfallQuery,
-    ResultPath.ORDER_SPECTRUM: FrameQuery,
-    ResultPath.FULL_SPECTRUM: FrameQuery,
-    ResultPath.ORBIT: FrameQuery,
-    **{ResultPath(f"{ANALYSIS_PREFIX}{name}"): kind.parameters for name, kind in KINDS.items()},
+RESULT_QUERIES: Final[Mapping[str, type[QueryParameters]]] = {
+    RecordedResult.TREND: TrendQuery,
+    RecordedResult.CASCADE: RecordedCascadeQuery,
+    RecordedResult.WATERFALL: RecordedWaterfallQuery,
+    RecordedResult.ORDER_SPECTRUM: FrameQuery,
+    RecordedResult.FULL_SPECTRUM: FrameQuery,
+    RecordedResult.ORBIT: FrameQuery,
+    **{f"{ANALYSIS_PREFIX}{name}": kind.parameters for name, kind in KINDS.items()},
 }
 
 
 def index_task(request: IndexRequest, location: CatalogueLocation) -> Task:
     """Return the task of a catalogue update."""
-    about = "catalogue, with verification" if request.verify else "catalogue"
-    return Task(request.kind, about, "", execution.index_job, (location, request.verify), "index.json")
+    title = "catalogue, with verification" if request.verify else "catalogue"
+    return Task(request.kind, title, "", execution.index_job, (location, request.verify), "index.json")
 
 
 def run_task(request: RunJobRequest, entry: RunEntry, location: CatalogueLocation) -> Task:
@@ -68,16 +68,19 @@ def run_task(request: RunJobRequest, entry: RunEntry, location: CatalogueLocatio
     arguments: tuple[object, ...]
     task = partial(Task, request.kind, run=run)
     match request:
-        case ResultRequest(path=ResultPath.SUMMARY):
+        case ResultRequest(path=RecordedResult.SUMMARY):
             _query(request)
             return task(f"summary of {run}", work=execution.summary_job, arguments=(location, run), file="summary.json")
         case ResultRequest(path=result_path) if isinstance(query := _query(request), AnalysisQuery):
-            kind, form = result_path.removeprefix(ANALYSIS_PREFIX), query.format or AnalysisForm.JSON
+            kind, file_format = result_path.removeprefix(ANALYSIS_PREFIX), query.format or AnalysisFormat.JSON
             return task(
-                f"{kind} of {run}", work=execution.analysis_job, arguments=(path, kind, query), file=f"{kind}.{form}"
+                f"{kind} of {run}",
+                work=execution.analysis_job,
+                arguments=(path, kind, query),
+                file=f"{kind}.{file_format}",
             )
         case ResultRequest(path=result_path):
-            arguments = (path, result_path.value, _query(request))
+            arguments = (path, result_path, _query(request))
             return task(
                 f"{result_path} of {run}", work=execution.result_job, arguments=arguments, file=f"{result_path}.json"
             )
@@ -91,14 +94,14 @@ def run_task(request: RunJobRequest, entry: RunEntry, location: CatalogueLocatio
             return task(
                 f"model of {run}{changed}", work=execution.prediction_job, arguments=arguments, file="prediction.json"
             )
-        case ExportRequest(format=form):
+        case ExportRequest(format=file_format):
             selection = execution.export_selection(request.from_s, request.until_s, request.segment)
             arguments = (path, execution.TABLES[request.content], selection)
             return task(
-                f"{request.content} of {run} as {form}",
+                f"{request.content} of {run} as {file_format}",
                 work=execution.export_job,
                 arguments=arguments,
-                file=f"{run}.{form}",
+                file=f"{run}.{file_format}",
             )
         case VerificationRequest():
             file = "verification.json"

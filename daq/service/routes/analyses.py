@@ -8,7 +8,7 @@ from fastapi import Query, Request, Response
 from daq.reports.analysis_result import AnalysisSchema
 from daq.reports.columns import QUANTITIES
 from daq.reports.parameters import (
-    AnalysisForm,
+    AnalysisFormat,
     AnalysisQuery,
     FrameQuery,
     QueryParameters,
@@ -47,17 +47,17 @@ def add_plots(routing: Routing, respond: ResultHandler) -> None:
         ("waterfall", _waterfall_plot, "Order spectra over time"),
     )
     for path, endpoint, title in plots:
-        for form, media_type in PLOT_TYPES.items():
+        for file_format, media_type in PLOT_TYPES.items():
             routing.add(
-                f"/runs/{{run}}/plots/{path}.{form}",
-                endpoint(respond, f"plots/{path}.{form}"),
-                f"plot_run_{path.replace('-', '_')}_{form}",
+                f"/runs/{{run}}/plots/{path}.{file_format}",
+                endpoint(respond, f"plots/{path}.{file_format}"),
+                f"plot_run_{path.replace('-', '_')}_{file_format}",
                 "results",
-                f"{title}, as {form.upper()} plot",
+                f"{title}, as {file_format.upper()} plot",
                 *RUN_READ_PROBLEMS,
                 ProblemType.NO_DATA,
-                *((ProblemType.NOT_ACCEPTABLE,) if form == "png" else ()),
-                responses={200: {"content": {media_type: {"schema": PLOT_SCHEMAS[form]}}}, **NOT_MODIFIED},
+                *((ProblemType.NOT_ACCEPTABLE,) if file_format == "png" else ()),
+                responses={200: {"content": {media_type: {"schema": PLOT_SCHEMAS[file_format]}}}, **NOT_MODIFIED},
             )
 
 
@@ -96,11 +96,11 @@ def _waterfall_plot(respond: ResultHandler, path: str) -> Handler:
 NPZ: Final = "application/x-npz"
 ARROW: Final = "application/vnd.apache.arrow.stream"
 ANALYSIS_MEDIA_TYPES: Final = {
-    "application/json": AnalysisForm.JSON,
-    NPZ: AnalysisForm.NPZ,
-    ARROW: AnalysisForm.ARROW,
-    PLOT_TYPES["svg"]: AnalysisForm.SVG,
-    PLOT_TYPES["png"]: AnalysisForm.PNG,
+    "application/json": AnalysisFormat.JSON,
+    NPZ: AnalysisFormat.NPZ,
+    ARROW: AnalysisFormat.ARROW,
+    PLOT_TYPES["svg"]: AnalysisFormat.SVG,
+    PLOT_TYPES["png"]: AnalysisFormat.PNG,
 }
 BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 ANALYSIS_CONTENT: Final[dict[str, Any]] = {
@@ -142,10 +142,10 @@ def add_analyses(routing: Routing, respond: AnalysisHandler) -> None:
 
 def _analysis_handler(respond: AnalysisHandler, name: str, query_class: type[AnalysisQuery]) -> Handler:
     async def analyse(request: Request, run: RunId, query: Annotated[AnalysisQuery, Query()]) -> Response:
-        form = query.format or preferred_media_type(request.headers.get("accept"), ANALYSIS_MEDIA_TYPES)
-        if form is None:
+        file_format = query.format or preferred_media_type(request.headers.get("accept"), ANALYSIS_MEDIA_TYPES)
+        if file_format is None:
             raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(ANALYSIS_MEDIA_TYPES)}")
-        return await respond(request, run, f"analyses/{name}.{form}", query)
+        return await respond(request, run, f"analyses/{name}.{file_format}", query)
 
     analyse.__annotations__["query"] = Annotated[query_class, Query()]
     return analyse

@@ -104,7 +104,10 @@ def test_missing_file_or_run_is_named(arguments: list[str], expected: str, capsy
     assert captured.out == ""
 
 
-@pytest.mark.parametrize("arguments", [["record", "x.toml", "--for", "soon"], ["replay", "x", "--pace", "-1"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["record", "x.toml", "--for", "soon"], ["replay", "x", "--pace", "-1"], ["mark", "x", "--port", "0"]],
+)
 def test_wrong_usage_prints_the_usage(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(arguments)

@@ -225,7 +225,7 @@ def test_orbits_equal_library_results_and_sum_up(bench: RecordedBench, reader: R
     direct = npz_columns(bench, "orbit", speed_rpm=7000)
     close(direct["X_um"], made.motion[0].ravel() / MICROMETRE, atol=1e-6)
     one = npz_columns(bench, "orbit", speed_rpm=7000, filter="orders", orders="1")
-    rest = npz_columns(bench, "orbit", speed_rpm=7000, filter="rest", orders="1")
+    rest = npz_columns(bench, "orbit", speed_rpm=7000, filter="without", orders="1")
     total = one["Y_um"] + rest["Y_um"]
     close(total - total.mean(), direct["Y_um"] - direct["Y_um"].mean(), atol=1e-6)
     figures = bench.get("/analyses/orbit", speed_rpm=7000, filter="orders").json()["figures"]

@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 
 import pytest
 
+from daq.reports.registry import KINDS
 from daq.service.pages import ASSETS, origin
 from daq.service.problem_types import ProblemType
 from tests.daq.support.service_bench import Bench, open_bench
@@ -82,6 +83,11 @@ def test_scripts_import_served_files_and_use_existing_elements(bench: Bench) -> 
         assert set(re.findall(r'from "\./([^"]+)"', text)) <= set(scripts), name
         named = set(re.findall(r'(?:element|getElementById|write|mark|banner|fill)\("([a-z0-9-]+)"', text))
         assert named <= ids, name
+
+
+def test_page_has_a_button_for_every_analysis_kind(bench: Bench) -> None:
+    kinds = re.findall(r'^  \["[^"]+", "([a-z-]+)", \{.*\}\],$', bench.client.get("/plots.js").text, re.MULTILINE)
+    assert set(kinds) == set(KINDS)
 
 
 def test_page_embeds_the_viewer_and_allows_only_its_origin_in_frames(bench: Bench) -> None:

@@ -3,7 +3,7 @@
 import io
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pytest
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
+from daq.reports.registry import KINDS
 from daq.schemas.summary import summary_schema
 from daq.service.jobs import execution
 from daq.service.jobs.queue import CatalogueLocation, Job, JobQueue, JobState, Progress, ReportProgress, Task
@@ -20,6 +21,7 @@ from daq.service.jobs.schemas import JobSchema
 from daq.session.offline import summarise
 from model.errors import ParameterError
 from recordings.catalogue.catalogue import Catalogue
+from recordings.exchange.formats import EXPORT_FORMATS
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import CALIBRATION, TABLES, merged
 from tests.daq.support.live_updates import make_live_updates
@@ -159,6 +161,25 @@ def test_invalid_study_request_is_refused(bench: RecordedBench, job_request: dic
     assert refused.status_code == 422
     assert named in refused.json()["detail"]
     assert bench.client.post(f"{API}/jobs", json={"kind": "modes", "run": "no-such"}).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("job_request", "field", "named"),
+    [
+        ({"kind": "export", "format": "xls"}, "format", EXPORT_FORMATS),
+        ({"kind": "result", "path": "analyses/none"}, "path", [f"analyses/{kind}" for kind in KINDS]),
+    ],
+)
+def test_schema_and_refusal_name_every_registered_choice(
+    bench: RecordedBench, job_request: dict[str, object], field: str, named: Iterable[str]
+) -> None:
+    component = {"export": "ExportRequest", "result": "ResultRequest"}[str(job_request["kind"])]
+    schema = bench.client.get("/openapi.json").json()["components"]["schemas"][component]
+    refused = bench.client.post(f"{API}/jobs", json={"run": RUN, **job_request})
+    assert refused.status_code == 422
+    for name in named:
+        assert name.removeprefix(".") in schema["properties"][field]["enum"]
+        assert name.removeprefix(".") in refused.json()["detail"]
 
 
 def test_export_result_can_be_downloaded_by_ranges(bench: RecordedBench) -> None:
