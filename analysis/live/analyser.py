@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.live.order_frame import SPARE_TURNS, OrderFrameBuilder
+from analysis.live.order_frame import SPARE_REVOLUTIONS, OrderFrameBuilder
 from analysis.shaft.overall import glitch_samples, trimmed_extremes
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
@@ -16,7 +16,7 @@ from analysis.tacho.shaft_angle import smooth_angle
 
 FloatArray = NDArray[np.float64]
 
-FIT_TURNS = 8  # revolutions before a frame that the fit of its shaft angle includes
+FIT_REVOLUTIONS = 8  # revolutions before a frame that the fit of its shaft angle includes
 MAX_TRACE_POINTS = 1000  # approximately
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
@@ -57,7 +57,7 @@ class Analyser:
         self._settings = settings
         self._hop = max(round(settings.update_interval * acquisition.rate), 1)
         self._frames = OrderFrameBuilder(acquisition, settings)
-        self._train = PulseTrain(acquisition.tacho, settings.revolutions + FIT_TURNS + SPARE_TURNS + 1)
+        self._train = PulseTrain(acquisition.tacho, settings.revolutions + FIT_REVOLUTIONS + SPARE_REVOLUTIONS + 1)
         self._clipped = np.zeros(self._n_channels, dtype=np.int64)
         self._beyond = np.zeros(len(self._rows), dtype=np.int64)
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
@@ -133,12 +133,12 @@ class Analyser:
             speed=speed,
             tacho=report,
             gap_volts=gap,
-            gap_ok=(gap >= self._gap_windows[:, 0]) & (gap <= self._gap_windows[:, 1]),
+            gap_in_window=(gap >= self._gap_windows[:, 0]) & (gap <= self._gap_windows[:, 1]),
             peak_to_peak=self._peak_to_peak(displacement, speed),
             clipped=self._clipped.copy(),
             frame=frame,
             trace=self._trace(first, displacement, tacho),
-            beyond_calibration=self._beyond.copy(),
+            outside_calibration=self._beyond.copy(),
             counter=self._tacho.report(self._position),
         )
 

@@ -10,7 +10,7 @@ from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, RunOut
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
-from analysis.tacho.edge_reader import MAX_STAMP_DELAY
+from analysis.tacho.edge_reader import MAX_TIMESTAMP_DELAY
 from analysis.tacho.shaft_angle import SmoothAngle
 from analysis.vectors.runout import RunOutEstimator
 from analysis.whirl.components import find_whirls, noise_floor, quantile
@@ -20,7 +20,7 @@ ComplexArray = NDArray[np.complex128]
 
 MIN_TURN_RATE = 1.0  # revolutions per second: no frame below 60 r/min
 FLOOR_LINES = 6  # lines on either side of an order, from the third on, for the noise floor, as in `order_track`
-SPARE_TURNS = 4  # revolutions that the pyramid stores in addition to a frame
+SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a frame
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
 
 
@@ -48,7 +48,7 @@ class OrderFrameBuilder:
             )
         self._settings = settings
         self._rate = acquisition.rate
-        self._late = round(MAX_STAMP_DELAY * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
+        self._late = round(MAX_TIMESTAMP_DELAY * acquisition.rate) if acquisition.tacho.reference == "counter" else 0
         rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
         self._pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
         self._skews = np.array(rows)[:, None] / acquisition.convert_rate
@@ -61,7 +61,7 @@ class OrderFrameBuilder:
 
     def new_pyramid(self, first: int) -> DecimationPyramid:
         """Return an empty pyramid for every speed, for samples from index ``first`` on."""
-        turns = self._settings.revolutions + SPARE_TURNS
+        turns = self._settings.revolutions + SPARE_REVOLUTIONS
         keep = int(turns * self._most_per_turn) + 8 * HALF_WIDTH
         return DecimationPyramid(2, self._level(MIN_TURN_RATE) + 1, keep, first, self._late)
 
@@ -88,7 +88,7 @@ class OrderFrameBuilder:
             None with too few samples or revolutions, or below the minimum speed.
         """
         revolutions = self._settings.revolutions
-        for end in range(last_turn, max(last_turn - SPARE_TURNS, first_turn + revolutions - 1), -1):
+        for end in range(last_turn, max(last_turn - SPARE_REVOLUTIONS, first_turn + revolutions - 1), -1):
             begin = end - revolutions
             edges = angle.time(np.array([begin, begin + 0.5 * revolutions, end]))
             turn_rate = revolutions / float(edges[2] - edges[0])

@@ -26,7 +26,7 @@ class ProbeSummary:
         Name of the channel, as "x".
     gap_mean, gap_min, gap_max : float
         Mean, smallest and largest gap voltage over update intervals, V; NaN without snapshots.
-    gap_ok : bool
+    gap_in_window : bool
         Whether it was within its limits throughout.
     largest_peak_to_peak : float
         Largest overall vibration, m peak-to-peak; 0 without snapshots.
@@ -34,7 +34,7 @@ class ProbeSummary:
         Time of the largest vibration; None without snapshots.
     severity : Severity
         Severity of the largest vibration.
-    beyond_calibration : int
+    outside_calibration : int
         Samples outside the calibrated voltage range: their displacement is extrapolated.
     clearance_fraction : float
         Largest vibration over the diameter of the clearance circle.
@@ -44,11 +44,11 @@ class ProbeSummary:
     gap_mean: float
     gap_min: float
     gap_max: float
-    gap_ok: bool
+    gap_in_window: bool
     largest_peak_to_peak: float
     largest: TimeInRun | None
     severity: Severity
-    beyond_calibration: int = 0
+    outside_calibration: int = 0
     clearance_fraction: float = 0.0
 
 
@@ -149,17 +149,17 @@ class _Probe:
     gap_sum: float = 0.0
     gap_min: float = np.inf
     gap_max: float = -np.inf
-    gap_ok: bool = True
+    gap_in_window: bool = True
     peak_to_peak: float = 0.0
     largest: TimeInRun | None = None
-    beyond_calibration: int = 0
+    outside_calibration: int = 0
 
     def add(self, snapshot: Snapshot, probe: int) -> None:
         gap = float(snapshot.gap_volts[probe])
         self.gap_sum += gap
         self.gap_min, self.gap_max = min(self.gap_min, gap), max(self.gap_max, gap)
-        self.gap_ok = self.gap_ok and bool(snapshot.gap_ok[probe])
-        self.beyond_calibration = int(snapshot.beyond_calibration[probe])
+        self.gap_in_window = self.gap_in_window and bool(snapshot.gap_in_window[probe])
+        self.outside_calibration = int(snapshot.outside_calibration[probe])
         overall = float(snapshot.peak_to_peak[probe])
         if self.largest is None or overall > self.peak_to_peak:
             self.peak_to_peak = overall
@@ -270,10 +270,10 @@ class SummaryBuilder:
             gap_mean=probe.gap_sum / self._snapshots if seen else np.nan,
             gap_min=probe.gap_min if seen else np.nan,
             gap_max=probe.gap_max if seen else np.nan,
-            gap_ok=probe.gap_ok,
+            gap_in_window=probe.gap_in_window,
             largest_peak_to_peak=probe.peak_to_peak,
             largest=probe.largest,
             severity=self._header.limits.severity(probe.peak_to_peak),
-            beyond_calibration=probe.beyond_calibration,
+            outside_calibration=probe.outside_calibration,
             clearance_fraction=self._header.limits.clearance_fraction(probe.peak_to_peak),
         )

@@ -288,7 +288,7 @@ def angular_record_from_codes(
 
     Raises
     ------
-    TachoRefusedError, RecordTooShortError
+    AmbiguousTachoError, RecordTooShortError
         Pulses or samples do not suffice.
     AnalysisError
         A probe is at a limit of the converter range throughout.

@@ -57,14 +57,14 @@ def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:
         )
     fine = (positions - whole) * _PHASES
     row = np.minimum(fine.astype(np.int64), _PHASES - 1)
-    part = fine - row
+    fraction = fine - row
     values = np.empty(positions.shape)
-    for channel, of_channel in enumerate(samples):
-        neighbours = np.lib.stride_tricks.sliding_window_view(of_channel, 2 * HALF_WIDTH)
+    for channel, channel_samples in enumerate(samples):
+        neighbours = np.lib.stride_tricks.sliding_window_view(channel_samples, 2 * HALF_WIDTH)
         for begin in range(0, positions.shape[1], _BLOCK):
             here = np.s_[channel, begin : begin + _BLOCK]
             weights = _SLOPE[row[here]]
-            weights *= part[here][:, None]
+            weights *= fraction[here][:, None]
             weights += _TABLE[row[here]]
             np.einsum("mk,mk->m", weights, neighbours[whole[here] - (HALF_WIDTH - 1)], out=values[here])
     return values

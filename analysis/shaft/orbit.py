@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FilteredOrbit:
+class Orbit:
     """An orbit of the shaft in the bench axes X and Y.
 
     Parameters
@@ -27,9 +27,9 @@ class FilteredOrbit:
     times : ndarray of float64, shape (revolutions, points)
         Time of each point, s, for a time-base plot.
     ellipses : tuple of Ellipse
-        Ellipses of the chosen orders, in their order.
+        Ellipses of the chosen orders, one per order; empty for the direct orbit.
     sigma : float
-        Standard deviation of the amplitudes of the ellipses, m peak.
+        Standard deviation of the amplitudes of the ellipses, m peak; NaN for the direct orbit.
     speed : float
         Mean speed, rad/s.
     """
@@ -51,14 +51,14 @@ class FilteredOrbit:
         return np.asarray(np.ptp(self.motion, axis=(1, 2)), dtype=np.float64)
 
 
-def direct_orbit(record: AngularRecord, revolutions: int = 4) -> FilteredOrbit:
+def direct_orbit(record: AngularRecord, revolutions: int = 4) -> Orbit:
     """Return the unfiltered orbit of the last revolutions of a record."""
     return _orbit(record, revolutions, _last(record, revolutions), (), np.nan)
 
 
 def filtered_orbit(
     record: AngularRecord, orders: tuple[float, ...], *, revolutions: int = 1, averaging_revolutions: int = 16
-) -> FilteredOrbit:
+) -> Orbit:
     """Return the orbit filtered to chosen orders: 1X, 2X, nX, non-integer orders, or several together.
 
     Parameters
@@ -83,7 +83,7 @@ def filtered_orbit(
 
 def orbit_without(
     record: AngularRecord, orders: tuple[float, ...] = (1.0,), *, revolutions: int = 4, averaging_revolutions: int = 16
-) -> FilteredOrbit:
+) -> Orbit:
     """Return the orbit without chosen orders, not-1X by default; parameters as for `filtered_orbit`."""
     synthesis, ellipses, sigma = _components(record, orders, revolutions, averaging_revolutions)
     return _orbit(record, revolutions, _last(record, revolutions) - synthesis, ellipses, sigma)
@@ -121,13 +121,13 @@ def _components(
 
 def _orbit(
     record: AngularRecord, revolutions: int, displacement: FloatArray, ellipses: tuple[Ellipse, ...], sigma: float
-) -> FilteredOrbit:
+) -> Orbit:
     motion = record.pair.to_bench(displacement)
     edges = record.times[-revolutions - 1 :]
-    part = np.arange(record.points) / record.points
-    return FilteredOrbit(
+    fraction = np.arange(record.points) / record.points
+    return Orbit(
         motion=motion - motion.mean(axis=(1, 2), keepdims=True),
-        times=edges[:-1, None] + np.diff(edges)[:, None] * part,
+        times=edges[:-1, None] + np.diff(edges)[:, None] * fraction,
         ellipses=ellipses,
         sigma=sigma,
         speed=float(2.0 * np.pi * revolutions / (edges[-1] - edges[0])),

@@ -1,7 +1,7 @@
 """Errors of the analysis of measured data, for callers that can handle them.
 
 AnalysisError
-├── TachoRefusedError    the shaft angle is ambiguous from the pulses, and repairing them would be guessing
+├── AmbiguousTachoError  the shaft angle is ambiguous from the pulses, and repairing them would be guessing
 ├── RecordTooShortError  fewer whole revolutions or samples than the analysis needs
 ├── BandLimitError       an order, bandwidth or line spacing that the record's sample rate does not allow
 └── CalibrationFitError  the points do not determine a calibration
@@ -14,7 +14,7 @@ class AnalysisError(Exception):
     """The data do not allow the requested analysis."""
 
 
-class TachoRefusedError(AnalysisError):
+class AmbiguousTachoError(AnalysisError):
     """The shaft angle is ambiguous from the tacho pulses."""
 
 

@@ -116,7 +116,7 @@ class CounterReport:
     @property
     def message(self) -> str:
         """Message for the operator; empty where both agree."""
-        odds = {
+        messages = {
             CounterState.FAILED: ["the counter delivers no more timestamps: speed and phase use the samples"],
             CounterState.COUNT_DIFFERS: [
                 f"{count:,} {what}"
@@ -130,7 +130,7 @@ class CounterReport:
                 f"{self.out_of_tolerance:,} edges up to {self.largest_difference / MICROSECOND:,.1f} µs apart"
             ],
         }
-        return " and ".join(odds.get(self.state, []))
+        return " and ".join(messages.get(self.state, []))
 
     @property
     def recent_message(self) -> str:
@@ -328,7 +328,7 @@ class Snapshot:
         State and pulse counts of the tacho.
     gap_volts : ndarray of float64, shape (2,)
         Mean voltage of the probes over the last update interval, V.
-    gap_ok : ndarray of bool, shape (2,)
+    gap_in_window : ndarray of bool, shape (2,)
         Whether each lies within its limits.
     peak_to_peak : ndarray of float64, shape (2,)
         Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m: whole
@@ -339,7 +339,7 @@ class Snapshot:
         None until the segment has enough whole revolutions, and without valid tacho pulses.
     trace : Trace
         The last samples.
-    beyond_calibration : ndarray of int64, shape (2,)
+    outside_calibration : ndarray of int64, shape (2,)
         Samples of each probe since the start of the run outside the calibrated voltage range: their displacement is
         extrapolated.
     counter : CounterReport or None
@@ -352,10 +352,10 @@ class Snapshot:
     speed: float
     tacho: TachoReport
     gap_volts: FloatArray
-    gap_ok: NDArray[np.bool_]
+    gap_in_window: NDArray[np.bool_]
     peak_to_peak: FloatArray
     clipped: NDArray[np.int64]
     frame: OrderFrame | None
     trace: Trace
-    beyond_calibration: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
+    outside_calibration: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
     counter: CounterReport | None = None

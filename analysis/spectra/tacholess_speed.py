@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes, probe_displacement
 from analysis.resampling.decimation import DecimationPyramid
-from analysis.signals.errors import RecordTooShortError, TachoRefusedError
+from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
 from analysis.signals.header import Acquisition
 from analysis.signals.probes import require_displacement
 from analysis.signals.uncertainty import order_sigma
@@ -21,7 +21,7 @@ from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
 FloatArray = NDArray[np.float64]
 
 SAMPLES_PER_TURN = 5.0  # at the highest speed searched, after decimation
-FRAME_TURNS = 16.0  # revolutions in a frame at the lowest speed searched
+FRAME_REVOLUTIONS = 16.0  # revolutions in a frame at the lowest speed searched
 STEP_FRACTION = 0.25  # of a frame
 SLOPE_COST = 0.5  # log amplitude per line of change from frame to frame
 MAX_LINE_CHANGE = 12  # of the ridge from frame to frame
@@ -56,12 +56,12 @@ class RidgeSpeed:
 
         Raises
         ------
-        TachoRefusedError
+        AmbiguousTachoError
             The confidence is below ``min_confidence`` in more than a tenth of the frames.
         """
         doubtful = float(np.mean(self.confidence < min_confidence))
         if doubtful > 0.1:
-            raise TachoRefusedError(
+            raise AmbiguousTachoError(
                 f"speed from 1X: {100 * doubtful:.0f} % of the frames have a confidence below {min_confidence}, "
                 "expected at most 10 %"
             )
@@ -102,7 +102,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     require_displacement(displacement, rate)
     if not 0.0 < lowest < highest < np.pi * rate * 0.9:
         raise ValueError(f"lowest, highest: {lowest} and {highest} rad/s, expected rising, to {0.9 * np.pi * rate:.0f}")
-    n = 2 * round(0.5 * FRAME_TURNS * 2.0 * np.pi / lowest * rate)
+    n = 2 * round(0.5 * FRAME_REVOLUTIONS * 2.0 * np.pi / lowest * rate)
     step = max(round(n * STEP_FRACTION), 1)
     starts = np.arange(0, displacement.shape[1] - n + 1, step)
     if starts.size < 4:
@@ -139,7 +139,7 @@ def angular_record_without_tacho(
 
     Raises
     ------
-    TachoRefusedError
+    AmbiguousTachoError
         The confidence of the ridge is too low.
     RecordTooShortError, AnalysisError, ValueError
         As for `speed_from_ridge` and `angular_record_from_codes`.

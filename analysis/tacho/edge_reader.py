@@ -14,7 +14,7 @@ from analysis.tacho.edges import EdgeDetector
 
 FloatArray = NDArray[np.float64]
 
-MAX_STAMP_DELAY = 0.5  # s: after this time without a timestamp there was no edge
+MAX_TIMESTAMP_DELAY = 0.5  # s: after this time without a timestamp there was no edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +99,7 @@ class TachoEdgeReader:
         edges = self._new_edges(stamped)
         if edges.size:
             elapsed = max(elapsed, float(edges[-1] - edges[0]))
-        return TachoEdges(edges - delay, max(end - MAX_STAMP_DELAY, self._last), elapsed)
+        return TachoEdges(edges - delay, max(end - MAX_TIMESTAMP_DELAY, self._last), elapsed)
 
     def report(self, end: int) -> CounterReport | None:
         """Return the comparison of counter and waveform up to a sample; None without a counter."""

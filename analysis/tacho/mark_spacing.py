@@ -9,12 +9,12 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MAX_INTERVAL_RATIO = 1.2  # of an interval to that of the same mark one revolution before, without missing pulses
-MIN_GAP_RATIO = 1.1  # of the longest interval to every other: then it identifies its mark
-MIN_TURNS, MIN_INTERVALS = 2, 16  # successive revolutions and intervals without a fault, to learn the spacing
+MIN_LONGEST_INTERVAL_RATIO = 1.1  # of the longest interval to every other: then it identifies its mark
+MIN_REVOLUTIONS, MIN_INTERVALS = 2, 16  # successive revolutions and intervals without a fault, to learn the spacing
 
 
 def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatArray | None:
-    """Return the interval before each mark over the mean interval, around 1; None where one was never measured.
+    """Return the interval before each keyphasor mark over the mean interval; None where one was never measured.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatAr
     times : ndarray of float64, shape (n,)
         Their times, s.
     marks : int
-        Marks on the shaft.
+        Keyphasor marks on the shaft.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def interval_ratios(numbers: IntArray, times: FloatArray, marks: int) -> FloatAr
 
 
 def reference_mark(ratios: FloatArray) -> int | None:
-    """Return the mark at theta = 0: that after the longest interval; None where none is clearly the longest.
+    """Return the keyphasor mark at theta = 0: that after the longest interval; None where none is clearly the longest.
 
     Parameters
     ----------
@@ -60,28 +60,28 @@ def reference_mark(ratios: FloatArray) -> int | None:
     if ratios.size == 1:
         return 0
     second, longest = np.sort(ratios)[-2:]
-    return int(np.argmax(ratios)) if longest >= MIN_GAP_RATIO * second else None
+    return int(np.argmax(ratios)) if longest >= MIN_LONGEST_INTERVAL_RATIO * second else None
 
 
 class MarkSpacing:
-    """Spacing of the marks, learned from the first revolutions without a missing or double pulse.
+    """Spacing of the keyphasor marks, learned from the first revolutions without a missing or double pulse.
 
     Once learned, the spacing stays: the marks do not move. A single mark needs no learning.
 
     Parameters
     ----------
     marks : int
-        Marks on the shaft.
+        Keyphasor marks on the shaft.
     """
 
     def __init__(self, marks: int) -> None:
         self._marks = marks
-        self._needed = max(MIN_TURNS * marks, MIN_INTERVALS)
+        self._needed = max(MIN_REVOLUTIONS * marks, MIN_INTERVALS)
         self._edges: deque[float] = deque(maxlen=3 * (self._needed + marks))
         self.is_known = marks == 1
         self.ratios = np.ones(marks)  # from theta = 0 on, where that mark is identified
         self.shortest_ratio = 1.0
-        self.is_even = True
+        self.is_evenly_spaced = True
         self.has_reference = marks == 1
 
     def forget_edges(self) -> None:
@@ -93,19 +93,19 @@ class MarkSpacing:
         if self.is_known:
             return False
         self._edges.extend(edges.tolist())
-        stretch = self._clean_stretch(np.array(self._edges))
+        stretch = self._longest_regular_series(np.array(self._edges))
         ratios = None if stretch is None else interval_ratios(np.arange(stretch.size), stretch, self._marks)
         if ratios is None:
             return False
         mark = reference_mark(ratios)
         self.is_known, self.has_reference = True, mark is not None
-        self.is_even = bool(ratios.max() < MIN_GAP_RATIO * ratios.min())
-        if not self.is_even:
+        self.is_evenly_spaced = bool(ratios.max() < MIN_LONGEST_INTERVAL_RATIO * ratios.min())
+        if not self.is_evenly_spaced:
             self.ratios, self.shortest_ratio = np.roll(ratios, -(mark or 0)), float(ratios.min())
         self._edges.clear()
         return True
 
-    def _clean_stretch(self, times: FloatArray) -> FloatArray | None:
+    def _longest_regular_series(self, times: FloatArray) -> FloatArray | None:
         """Return the longest series of edges whose intervals repeat from revolution to revolution."""
         intervals = np.diff(times)
         if intervals.size < self._needed + self._marks:
@@ -120,7 +120,7 @@ class MarkSpacing:
         return times[first : first + int(lengths.max()) + self._marks + 1]
 
     def first_mark(self, intervals: FloatArray, max_ratio: float) -> int | None:
-        """Return the mark at the end of the first of the intervals; None where they do not fit the spacing.
+        """Return the keyphasor mark at the end of the first of the intervals; None where they do not fit the spacing.
 
         Parameters
         ----------
@@ -130,8 +130,8 @@ class MarkSpacing:
             Largest ratio of successive intervals, each divided by its ratio in the spacing.
         """
         longest = int(np.argmax(intervals[: self._marks]))
-        longest_parts = np.flatnonzero(self.ratios >= self.ratios.max() / MIN_GAP_RATIO)
-        for mark in longest_parts[:1].tolist() if self.is_even else longest_parts.tolist():
+        longest_parts = np.flatnonzero(self.ratios >= self.ratios.max() / MIN_LONGEST_INTERVAL_RATIO)
+        for mark in longest_parts[:1].tolist() if self.is_evenly_spaced else longest_parts.tolist():
             first = (mark - longest) % self._marks
             even = intervals / self.ratios[(first + np.arange(intervals.size)) % self._marks]
             ratios = even[1:] / even[:-1]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.errors import TachoRefusedError
+from analysis.signals.errors import AmbiguousTachoError
 from analysis.signals.header import Tacho
 from analysis.tacho.mark_spacing import MAX_INTERVAL_RATIO, interval_ratios, reference_mark
 from analysis.tacho.pulse_train import HISTORY, MAX_REPAIRED, PulseTrain
@@ -18,8 +18,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MIN_PULSES = 8
-MIN_GAPS = 3
-MAX_PERIODIC_GAPS = 0.5  # fraction of every nth pulse that may be missing: more is no coincidence
+MIN_MISSING_PULSES = 3  # at the same distance, to count as periodic
+MAX_PERIODIC_MISSING_FRACTION = 0.5  # fraction of every nth pulse that may be missing: more is no coincidence
 MIN_TRAIN_FRACTION = 0.9  # of all edges that one train must contain: with less the shaft stood still in between
 
 
@@ -34,8 +34,8 @@ class PulseRecord:
     times : ndarray of float64, shape (n,)
         Their times, s, rising, corrected for the sensor delay.
     pulses_per_revolution : int
-        Marks on the shaft. Pulses whose number is a multiple of it lie at theta = 0: those after the longest interval
-        where one is clearly the longest, else those of the first mark seen.
+        Keyphasor marks on the shaft. Pulses whose number is a multiple of it lie at theta = 0: those after the longest
+        interval where one is clearly the longest, else those of the first mark seen.
     edges : int
         Edges within the span of the train.
     filled : int
@@ -66,10 +66,10 @@ class PulseRecord:
 def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     """Return the longest train of pulses in a record, numbered.
 
-    Where the intervals repeat from revolution to revolution, nothing is missing and the marks may lie anywhere on the
-    shaft. Otherwise pulses are missing or double, and the marks must be about evenly spaced to find out which: the
-    predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward. Pulses that both
-    accept are counted. Where the two counts between two pulses differ, a repair would be guessing.
+    Where the intervals repeat from revolution to revolution, nothing is missing and the keyphasor marks may lie
+    anywhere on the shaft. Otherwise pulses are missing or double, and the marks must be about evenly spaced to find
+    out which: the predictive gate of `PulseTrain` runs over the pulses forward and, with time reversed, backward.
+    Pulses that both accept are counted. Where the two counts between two pulses differ, a repair would be guessing.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
 
     Raises
     ------
-    TachoRefusedError
+    AmbiguousTachoError
         Times that do not rise, too few pulses, no regular train, different counts forward and backward, or too many
         repairs.
     ValueError
@@ -96,31 +96,31 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
         raise ValueError(f"times: shape {times.shape}, expected (n,) finite, s")
     falls = np.flatnonzero(np.diff(times) <= 0.0)  # a counter may stamp one tick twice
     if falls.size:
-        raise TachoRefusedError(
+        raise AmbiguousTachoError(
             f"tacho: pulse {falls[0] + 1} at {times[falls[0] + 1]:.6f} s, expected after {times[falls[0]]:.6f} s, the "
             "time of the pulse before"
         )
     if times.size < MIN_PULSES:
-        raise TachoRefusedError(f"{times.size} tacho pulses in the record, expected at least {MIN_PULSES}")
+        raise AmbiguousTachoError(f"{times.size} tacho pulses in the record, expected at least {MIN_PULSES}")
     if _is_clean(np.diff(times), tacho.pulses_per_revolution):
         return _record(np.arange(times.size), times, times.size, tacho)
     single = replace(tacho, pulses_per_revolution=1)
     forward = max(_trains(times, single), key=lambda train: train[0].size, default=None)
     backward = max(_trains(-times[::-1], single), key=lambda train: train[0].size, default=None)
     if forward is None or backward is None:
-        raise TachoRefusedError(f"{times.size} tacho edges contain no regular pulse train, expected one: noise?")
+        raise AmbiguousTachoError(f"{times.size} tacho edges contain no regular pulse train, expected one: noise?")
     back_numbers, back_times = -backward[0][::-1], -backward[1][::-1]
     numbers, pulse_times = _merge_counts(forward, (back_numbers, back_times))
     begin, end = np.searchsorted(times, [pulse_times[0], pulse_times[-1]])
-    seen = int(end - begin) + 1
-    if seen < MIN_TRAIN_FRACTION * times.size and forward[0].size < MIN_TRAIN_FRACTION * times.size - MIN_PULSES:
-        raise TachoRefusedError(
-            f"the longest regular train holds {seen} of {times.size} tacho edges, from {pulse_times[0]:.3f} to "
+    n_edges = int(end - begin) + 1
+    if n_edges < MIN_TRAIN_FRACTION * times.size and forward[0].size < MIN_TRAIN_FRACTION * times.size - MIN_PULSES:
+        raise AmbiguousTachoError(
+            f"the longest regular train holds {n_edges} of {times.size} tacho edges, from {pulse_times[0]:.3f} to "
             f"{pulse_times[-1]:.3f} s: analyse the record in parts between the breaks"
         )
     numbers = numbers - numbers[0]
     _refuse_many_repairs(numbers, pulse_times, times[begin : end + 1], tacho.pulses_per_revolution)
-    return _record(numbers, pulse_times, seen, tacho)
+    return _record(numbers, pulse_times, n_edges, tacho)
 
 
 def _is_clean(intervals: FloatArray, marks: int) -> bool:
@@ -131,7 +131,7 @@ def _is_clean(intervals: FloatArray, marks: int) -> bool:
     return bool(ratios.max() < MAX_INTERVAL_RATIO and ratios.min() > 1.0 / MAX_INTERVAL_RATIO)
 
 
-def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> PulseRecord:
+def _record(numbers: IntArray, times: FloatArray, n_edges: int, tacho: Tacho) -> PulseRecord:
     period = np.diff(times) / np.diff(numbers)
     shortest = float(period.min()) * min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
     marks = tacho.pulses_per_revolution
@@ -141,9 +141,9 @@ def _record(numbers: IntArray, times: FloatArray, seen: int, tacho: Tacho) -> Pu
         numbers=numbers if mark is None else numbers + (-mark) % marks,
         times=times - tacho.delay,
         pulses_per_revolution=marks,
-        edges=seen,
+        edges=n_edges,
         filled=int(numbers[-1]) + 1 - numbers.size,
-        rejected=seen - numbers.size,
+        rejected=n_edges - numbers.size,
         too_fast=shortest < tacho.response_time,
         phase_reference_is_arbitrary=mark is None,
     )
@@ -164,13 +164,13 @@ def _merge_counts(
     """Return numbers and times of the pulses common to both trains, and of one train where the other has none yet."""
     common, in_forward, in_backward = np.intersect1d(forward[1], backward[1], return_indices=True)
     if common.size < MIN_PULSES:
-        raise TachoRefusedError(
+        raise AmbiguousTachoError(
             "the tacho's pulses make several trains: analyse the record in parts between the breaks"
         )
     offset = forward[0][in_forward] - backward[0][in_backward]
     if (offset != offset[0]).any():
         slips = np.flatnonzero(np.diff(offset))
-        raise TachoRefusedError(
+        raise AmbiguousTachoError(
             f"tacho: the pulses counted forward and backward differ by {abs(int(offset[-1] - offset[0]))}, in "
             f"{slips.size} places from {float(common[slips[0] + 1]):.4f} s on: too many are missing or double there to "
             "determine the angle"
@@ -187,15 +187,17 @@ def _refuse_many_repairs(numbers: IntArray, times: FloatArray, edges: FloatArray
     repaired = int(numbers[-1] - numbers[0]) + 1 - numbers.size + edges.size - times.size
     allowed = MAX_REPAIRED / HISTORY * numbers.size
     if repaired > allowed:
-        raise TachoRefusedError(
+        raise AmbiguousTachoError(
             f"tacho: {repaired} of {numbers.size} pulses are missing or double, expected at most {int(allowed)}"
         )
-    is_gap = np.zeros(int(numbers[-1]), dtype=np.bool_)
-    is_gap[numbers[:-1][np.diff(numbers) > 1]] = True
-    for distance in range(2, min(2 * marks, is_gap.size // MIN_GAPS) + 1):
-        recurring = np.count_nonzero(is_gap[distance:] & is_gap[:-distance])
-        if distance % marks and recurring > max(MAX_PERIODIC_GAPS * is_gap.size / distance, MIN_GAPS):
-            raise TachoRefusedError(
+    is_missing = np.zeros(int(numbers[-1]), dtype=np.bool_)
+    is_missing[numbers[:-1][np.diff(numbers) > 1]] = True
+    for distance in range(2, min(2 * marks, is_missing.size // MIN_MISSING_PULSES) + 1):
+        recurring = np.count_nonzero(is_missing[distance:] & is_missing[:-distance])
+        if distance % marks and recurring > max(
+            MAX_PERIODIC_MISSING_FRACTION * is_missing.size / distance, MIN_MISSING_PULSES
+        ):
+            raise AmbiguousTachoError(
                 f"tacho: a pulse is missing every {distance}: expected a pattern that repeats with the {marks} marks "
                 "of a revolution"
             )

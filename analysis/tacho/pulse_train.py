@@ -18,7 +18,7 @@ MAX_MISSING_PULSES = 2  # successive missing pulses that are counted
 SEED_INTERVALS = 4  # similar intervals that start a train
 MAX_SEED_RATIO = 1.25  # of successive intervals
 MIN_TRAIN_PULSES = SEED_INTERVALS + 1  # pulses of a train before its speed is reported
-MIN_TRAIN_TURNS, MIN_MULTI_MARK_PULSES = 6, 64  # the same with several marks of unknown spacing
+MIN_TRAIN_REVOLUTIONS, MIN_MULTI_MARK_PULSES = 6, 64  # the same with several marks of unknown spacing
 MAX_REJECTED_EDGES = 20  # without a train; each requires one more pulse before the speed is reported
 MAX_INTERVAL_CHANGE = 0.05  # relative change from one interval to the next of pulses accepted without the gate
 MAX_SUCCESSIVE_REPAIRS = 4  # then the train is assigned wrongly and is dropped
@@ -93,7 +93,7 @@ class PulseTrain:
         self._skipped = 1  # periods between the last pulse and the one before,
         self._span = 1.0  # and their length in mean intervals
         self._repairs_in_a_row = self._rejected_since = 0
-        self._has_periodic_gaps = False  # whether every nth pulse was missing in the train before
+        self._has_periodic_missing_pulses = False  # whether every nth pulse was missing in the train before
         self._seed.clear()
         self._intervals.clear()
         self._marks.clear()
@@ -120,7 +120,7 @@ class PulseTrain:
             self._spacing.forget_edges()
             self._drop_train()
             return
-        if self._spacing.add_edges(edges) and not self._spacing.is_even:
+        if self._spacing.add_edges(edges) and not self._spacing.is_evenly_spaced:
             self._unexplained_edges = 0
             self._drop_train()
             self._seed = deque(maxlen=max(SEED_INTERVALS, self._tacho.pulses_per_revolution) + 1)
@@ -170,7 +170,7 @@ class PulseTrain:
 
     def _mean_intervals(self, periods: int) -> float:
         """Return the length of the next periods in mean intervals."""
-        if self._spacing.is_even:
+        if self._spacing.is_evenly_spaced:
             return periods
         marks = (self._number + np.arange(1, periods + 1)) % self._tacho.pulses_per_revolution
         return float(self._spacing.ratios[marks].sum())
@@ -221,7 +221,7 @@ class PulseTrain:
         if ends_first is None:
             return
         marks = self._tacho.pulses_per_revolution
-        begin = (ends_first - 1) % marks if not self._spacing.is_even else 0
+        begin = (ends_first - 1) % marks if not self._spacing.is_evenly_spaced else 0
         numbers = begin + np.arange(len(self._seed))
         parts = self._spacing.ratios[numbers % marks]
         self._locked = True
@@ -255,10 +255,10 @@ class PulseTrain:
         if not is_repair:
             self._unexplained_edges = max(self._unexplained_edges - 1, 0)
         if self._repairs_in_a_row >= MAX_SUCCESSIVE_REPAIRS:
-            has_periodic_gaps = len(set(self._recently_skipped)) == 1 and periods > 1
-            self._unexplained_edges = 0 if has_periodic_gaps else MAX_REJECTED_EDGES
+            has_periodic_missing_pulses = len(set(self._recently_skipped)) == 1 and periods > 1
+            self._unexplained_edges = 0 if has_periodic_missing_pulses else MAX_REJECTED_EDGES
             self._drop_train()
-            self._has_periodic_gaps = has_periodic_gaps
+            self._has_periodic_missing_pulses = has_periodic_missing_pulses
 
     def _double(self, time: float) -> None:
         is_better = abs(time - self._predicted) < abs(self._time - self._predicted)
@@ -294,7 +294,9 @@ class PulseTrain:
     def is_settled(self) -> bool:
         """Whether the train is long enough to report its speed."""
         marks = self._tacho.pulses_per_revolution
-        needed = MIN_TRAIN_PULSES if self._spacing.is_known else max(MIN_TRAIN_TURNS * marks, MIN_MULTI_MARK_PULSES)
+        needed = (
+            MIN_TRAIN_PULSES if self._spacing.is_known else max(MIN_TRAIN_REVOLUTIONS * marks, MIN_MULTI_MARK_PULSES)
+        )
         return self._locked and self._number + 1 >= needed + self._unexplained_edges
 
     def speed(self, interval: float) -> float:
@@ -329,7 +331,7 @@ class PulseTrain:
         if sum(self._repaired) > MAX_REPAIRED or jitter > MAX_JITTER * period:
             return TachoState.IRREGULAR
         fraction = min(self._tacho.mark_fraction, 1.0 - self._tacho.mark_fraction)
-        if self._has_periodic_gaps or fraction * period < self._tacho.response_time:
+        if self._has_periodic_missing_pulses or fraction * period < self._tacho.response_time:
             return TachoState.TOO_FAST
         return TachoState.GOOD
 

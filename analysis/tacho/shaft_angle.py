@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from analysis.signals.errors import RecordTooShortError, TachoRefusedError
+from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
 from analysis.tacho.pulse_record import PulseRecord
 
 FloatArray = NDArray[np.float64]
 
 DEGREE = 3
-MAX_KNOT_TURNS = 8.0  # revolutions between knots: pulses averaged by one piece of the spline
-MIN_KNOT_TURNS = 3.0
+MAX_KNOT_REVOLUTIONS = 8.0  # revolutions between knots: pulses averaged by one piece of the spline
+MIN_KNOT_REVOLUTIONS = 3.0
 KNOT_TIME = 0.08  # s between knots at low speed, to resolve speed fluctuations
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
-OUTLIER_SIGMAS, OUTLIER_TURNS = 6.0, 0.01  # times the scatter, and revolutions: pulses further off are rejected
+OUTLIER_SIGMAS, OUTLIER_REVOLUTIONS = 6.0, 0.01  # times the scatter, and revolutions: pulses further off are rejected
 MAX_SPLINE_ERROR = 3e-6  # revolutions, of the spline at a steady acceleration: 0.001 degrees
-MIN_TURNS = 4
+MIN_REVOLUTIONS = 4
 MAX_SUCCESSIVE_OUTLIERS = 3  # pulses in a row that are rejected; more are a jump of speed
 MAX_REFITS = 3  # after the first fit: a false pulse bends the spline and can hide smaller ones
 
@@ -72,7 +72,9 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
         raise ValueError(f"turns, times: shapes {turns.shape} and {times.shape}, expected the same, 2 marks at least")
     time, residual = _fit_spline(turns, times)
     scatter = MAD_TO_SIGMA * float(np.median(np.abs(residual - np.median(residual))))
-    allowed = max(OUTLIER_SIGMAS * scatter, OUTLIER_TURNS * float(times[-1] - times[0]) / float(turns[-1] - turns[0]))
+    allowed = max(
+        OUTLIER_SIGMAS * scatter, OUTLIER_REVOLUTIONS * float(times[-1] - times[0]) / float(turns[-1] - turns[0])
+    )
     good = np.abs(residual) <= allowed
     good[[0, -1]] = True  # the ends of the spline
     if not good.all() and np.count_nonzero(good) > 2 * DEGREE:
@@ -84,7 +86,7 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
 def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, FloatArray]:
     """Return the spline and the residual of each mark, s."""
     span = float(turns[-1] - turns[0])
-    apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), MIN_KNOT_TURNS), MAX_KNOT_TURNS)
+    apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), MIN_KNOT_REVOLUTIONS), MAX_KNOT_REVOLUTIONS)
     pieces = max(1, round(span / apart))
     inner = turns[0] + span * np.arange(pieces + 1) / pieces
     knots = np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
@@ -187,7 +189,7 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     ------
     RecordTooShortError
         Fewer than 4 whole revolutions.
-    TachoRefusedError
+    AmbiguousTachoError
         Several pulses in a row are outliers: the speed jumps.
 
     Notes
@@ -197,11 +199,11 @@ def shaft_angle(record: PulseRecord) -> ShaftAngle:
     """
     marks = record.pulses_per_revolution
     whole = np.count_nonzero(record.numbers % marks == 0) - 1
-    if whole < MIN_TURNS:
-        raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {MIN_TURNS}")
+    if whole < MIN_REVOLUTIONS:
+        raise RecordTooShortError(f"the tacho's pulses span {whole} revolutions, expected at least {MIN_REVOLUTIONS}")
     offsets = _mark_offsets(record)
     turns = record.numbers / marks + offsets[record.numbers % marks]
-    allowed = OUTLIER_TURNS * np.gradient(record.times, turns) / marks
+    allowed = OUTLIER_REVOLUTIONS * np.gradient(record.times, turns) / marks
     good, fit = np.ones(turns.size, dtype=np.bool_), _fit(turns, record.times)
     for _ in range(MAX_REFITS):
         within = (turns >= turns[good][0]) & (turns <= turns[good][-1])
@@ -246,7 +248,7 @@ def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
     begins, ends = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)
     long = np.flatnonzero(ends - begins > MAX_SUCCESSIVE_OUTLIERS)
     if long.size:
-        raise TachoRefusedError(
+        raise AmbiguousTachoError(
             f"tacho: {ends[long[0]] - begins[long[0]]} pulses in a row from {times[begins[long[0]]]:.4f} s on deviate "
             "from the smooth angle: the speed jumps there; analyse the record in parts"
         )
@@ -259,7 +261,7 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
     h^4 15 a³ / (384 n^6) revolutions for a knot distance h.
     """
     per_turn = (turns.size - 1) / float(turns[-1] - turns[0])  # pulses per revolution
-    span, last = int(max(MAX_KNOT_TURNS * per_turn, DEGREE + 1)), turns.size - 1
+    span, last = int(max(MAX_KNOT_REVOLUTIONS * per_turn, DEGREE + 1)), turns.size - 1
     at, knots = 0, [float(turns[0])]
     while True:
         middle = min(max(at, span), max(last - span, 0))
@@ -268,8 +270,8 @@ def _inner_knots(turns: FloatArray, times: FloatArray) -> list[float]:
         after = (turns[high] - turns[middle]) / (times[high] - times[middle])
         rise = 2.0 * abs(after - before) / (times[high] - times[low]) if middle > low else 0.0
         bend = 15.0 * rise**3 / (384.0 * after**6)
-        straight = (MAX_SPLINE_ERROR / bend) ** 0.25 if bend > 0.0 else MAX_KNOT_TURNS
-        apart = max(min(KNOT_TIME * after, straight, MAX_KNOT_TURNS), MIN_KNOT_TURNS)
+        straight = (MAX_SPLINE_ERROR / bend) ** 0.25 if bend > 0.0 else MAX_KNOT_REVOLUTIONS
+        apart = max(min(KNOT_TIME * after, straight, MAX_KNOT_REVOLUTIONS), MIN_KNOT_REVOLUTIONS)
         step = max(round(apart * per_turn), DEGREE)
         at += step
         if at > last - step:

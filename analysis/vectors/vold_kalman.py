@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 MAX_ORDER_FRACTION = 0.2  # of the decimated rate: the highest order lies below it
-MEAN_TURNS = 16.0  # revolutions over which the mean shaft position is computed and subtracted
+MEAN_REVOLUTIONS = 16.0  # revolutions over which the mean shaft position is computed and subtracted
 POLES = 2  # order of the differences of the envelope that are minimised
 MAX_WEIGHT = 1e13  # of the structural equation: above it the solution is ill-conditioned
 HALF_POWER = np.sqrt(2.0) - 1.0
@@ -193,7 +193,7 @@ def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
     if turns.size < 2:
         return np.zeros(values.size)
     sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
-    half = 0.5 * MEAN_TURNS
+    half = 0.5 * MEAN_REVOLUTIONS
     middle = np.clip(turns, turns[0] + half, max(turns[-1] - half, turns[0] + half))
     low, high = np.maximum(middle - half, turns[0]), np.minimum(middle + half, turns[-1])
     return np.asarray((np.interp(high, turns, sums) - np.interp(low, turns, sums)) / (high - low), dtype=np.float64)

@@ -9,7 +9,7 @@ from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 
 MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame
-MAX_BREAK = 0.5  # s without a component before it ends
+MAX_ABSENCE = 0.5  # s without a component before it ends
 MIN_FRAMES = 3
 MAX_FINDINGS = 256  # of a run; beyond it the weakest is dropped
 _SMOOTHING = 0.3  # exponential smoothing factor of the expected order
@@ -126,7 +126,7 @@ class _Track:
             self.begin_order = self.weighted_order / self.weight
 
     @property
-    def is_sure(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether frames without common samples contain it, so that no single disturbance explains it."""
         return self.frames >= MIN_FRAMES and self.end.time - self.begin.time >= self.frame_time
 
@@ -177,7 +177,7 @@ class WhirlTracker:
         resolution = float(frame.orders[1])
         frame_time = 2.0 * math.pi / (frame.speed * resolution)
         at = TimeInRun(segment, time - 0.5 * frame_time, frame.speed)
-        self._close(at.time - max(MAX_BREAK, frame_time))
+        self._close(at.time - max(MAX_ABSENCE, frame_time))
         near = max(MAX_ORDER_CHANGE, 0.5 * resolution)
         free = list(self._open)
         for whirl in frame.whirls:
@@ -196,13 +196,13 @@ class WhirlTracker:
     def _close(self, before: float) -> None:
         for track in [track for track in self._open if track.end.time < before]:
             self._open.remove(track)
-            if track.is_sure:
+            if track.is_confirmed:
                 self._closed.append(track)
         if len(self._closed) > MAX_FINDINGS:
             self._closed.remove(min(self._closed, key=lambda track: track.weight))
 
     def findings(self) -> tuple[WhirlFinding, ...]:
         """Return the findings, including those that have not ended, in the order of their begin."""
-        tracks = self._closed + [track for track in self._open if track.is_sure]
+        tracks = self._closed + [track for track in self._open if track.is_confirmed]
         tracks.sort(key=lambda track: (track.begin.segment, track.begin.time))
         return tuple(track.finding() for track in tracks)

@@ -16,8 +16,8 @@ from daq.config.schema import SPEED, TIME, TriggerCondition
 from daq.drivers.source import Source
 
 STANDSTILL_TIMEOUT = 1.0  # s without an edge after which the speed is 0
-MAX_TURNS = 8  # averaged for a speed
-MIN_TURNS = 2  # that must agree: two edges alone may be a glitch
+MAX_REVOLUTIONS = 8  # averaged for a speed
+MIN_REVOLUTIONS = 2  # that must agree: two edges alone may be a glitch
 MAX_TURN_DEVIATION = 0.25  # of the median turn; a doubled or missing edge makes a turn differ by more
 
 
@@ -37,7 +37,7 @@ class SpeedEstimator:
         self._acquisition = acquisition
         self._row = acquisition.row(Role.TACHO)
         self._pulses = acquisition.tacho.pulses_per_revolution
-        self._edges: deque[float] = deque(maxlen=MAX_TURNS * self._pulses + 1)  # in samples
+        self._edges: deque[float] = deque(maxlen=MAX_REVOLUTIONS * self._pulses + 1)  # in samples
         self._reset()
 
     def _reset(self) -> None:
@@ -63,7 +63,7 @@ class SpeedEstimator:
         agreeing = (
             turns[np.abs(turns - np.median(turns)) <= MAX_TURN_DEVIATION * np.median(turns)] if turns.size else turns
         )
-        return 60.0 * rate / float(agreeing.mean()) if agreeing.size >= MIN_TURNS else 0.0
+        return 60.0 * rate / float(agreeing.mean()) if agreeing.size >= MIN_REVOLUTIONS else 0.0
 
     def _edges_of(self, block: SampleBlock) -> NDArray[np.float64]:
         """Return the block's edges from the reference, in samples of the segment."""

@@ -31,8 +31,8 @@ MAX_POINTS = 16_000_000  # per probe of an angular record
 MAX_FREQUENCY_FRACTION = 0.3  # of the sample rate: interpolation is accurate up to it
 MIN_POINTS = 64  # per revolution
 CHUNK_ALIGNMENT = 4096  # samples: chunks begin at multiples of it, so that decimated samples lie at the same times
-MARGIN_TURNS, MARGIN_SAMPLES = 2.0, 128  # around a chunk: reach of the filters and the interpolator
-GUARD_TURNS = 12  # around a requested time, for an accurate angle at its ends
+MARGIN_REVOLUTIONS, MARGIN_SAMPLES = 2.0, 128  # around a chunk: reach of the filters and the interpolator
+GUARD_REVOLUTIONS = 12  # around a requested time, for an accurate angle at its ends
 SPEED_MARGIN = 1.3  # by which the shaft may be slower in the revolutions before
 
 
@@ -154,8 +154,8 @@ class RunSamples:
         index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
         end, speed = float(found.time[index]), float(found.frame_speed[index])
         turn = 2.0 * math.pi / speed
-        begin = max(end - SPEED_MARGIN * (revolutions + GUARD_TURNS) * turn, 0.0)
-        after = end + GUARD_TURNS * turn + MARGIN_SAMPLES / self.rate
+        begin = max(end - SPEED_MARGIN * (revolutions + GUARD_REVOLUTIONS) * turn, 0.0)
+        after = end + GUARD_REVOLUTIONS * turn + MARGIN_SAMPLES / self.rate
         return self.sample_range(int(found.segment[index]), begin, after - begin), end
 
     def last_revolutions(self, span: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
@@ -180,9 +180,11 @@ class RunSamples:
         last = first + int(np.argmin(np.append(slow[first:], False))) - 1
         turn = 2.0 * math.pi / float(found.frame_speed[first])
         begin = max(
-            float(found.time[first]) - SPEED_MARGIN * (self.header.settings.revolutions + GUARD_TURNS) * turn, 0.0
+            float(found.time[first]) - SPEED_MARGIN * (self.header.settings.revolutions + GUARD_REVOLUTIONS) * turn, 0.0
         )
-        span = self.sample_range(int(found.segment[first]), begin, float(found.time[last]) + GUARD_TURNS * turn - begin)
+        span = self.sample_range(
+            int(found.segment[first]), begin, float(found.time[last]) + GUARD_REVOLUTIONS * turn - begin
+        )
         with translated_errors(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
             return slow_roll(self.angular_record(span, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
 
@@ -259,8 +261,8 @@ class RunSamples:
 
     def _chunk(self, span: SampleRange, times: FloatArray, begin: int, end: int) -> SampleRange:
         """Return the samples needed for the revolutions from index ``begin`` to ``end`` of ``times``."""
-        low = times[begin] - MARGIN_TURNS * (times[begin + 1] - times[begin])
-        high = times[end] + MARGIN_TURNS * (times[end] - times[end - 1])
+        low = times[begin] - MARGIN_REVOLUTIONS * (times[begin + 1] - times[begin])
+        high = times[end] + MARGIN_REVOLUTIONS * (times[end] - times[end - 1])
         first = (
             math.floor(low * self.rate) - MARGIN_SAMPLES - span.first
         ) // CHUNK_ALIGNMENT * CHUNK_ALIGNMENT + span.first

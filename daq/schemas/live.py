@@ -309,7 +309,7 @@ def _probe(snapshot: Snapshot, header: RunHeader, probe: int) -> ProbeSchema:
     return ProbeSchema(
         name=header.acquisition.channels[row].name,
         gap_v=finite(snapshot.gap_volts[probe]),
-        gap_ok=bool(snapshot.gap_ok[probe]),
+        gap_ok=bool(snapshot.gap_in_window[probe]),
         clipped_samples=int(snapshot.clipped[row]),
     )
 

@@ -316,12 +316,12 @@ def _probe(probe: ProbeSummary) -> ProbeSummarySchema:
         gap_mean_v=finite(probe.gap_mean),
         gap_min_v=finite(probe.gap_min),
         gap_max_v=finite(probe.gap_max),
-        gap_ok=probe.gap_ok,
+        gap_ok=probe.gap_in_window,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
         largest_clearance_fraction=finite(probe.clearance_fraction),
         largest_at=None if probe.largest is None else time_in_run_schema(probe.largest),
         severity=probe.severity,
-        samples_beyond_calibration=probe.beyond_calibration,
+        samples_beyond_calibration=probe.outside_calibration,
     )
 
 

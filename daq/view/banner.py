@@ -108,7 +108,7 @@ def _warning(update: LiveUpdate) -> str:
     probes = [channel.name for channel in update.header.acquisition.channels if channel.role is not Role.TACHO]
     warnings += [
         f"probe {name} reads {volts:.2f} V, out of its window"
-        for name, volts, ok in zip(probes, snapshot.gap_volts, snapshot.gap_ok, strict=True)
+        for name, volts, ok in zip(probes, snapshot.gap_volts, snapshot.gap_in_window, strict=True)
         if not ok
     ]
     if snapshot.tacho.state in {TachoState.IRREGULAR, TachoState.TOO_FAST}:

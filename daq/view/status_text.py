@@ -119,7 +119,7 @@ def _shaft(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
                 rows.append(_row("model", [vector(complex(v)) for v in prediction.vectors[order - 1]]))
     gaps = [
         f"{volts:.2f} V {'ok' if ok else '**OUT OF WINDOW**'}"
-        for volts, ok in zip(snapshot.gap_volts, snapshot.gap_ok, strict=True)
+        for volts, ok in zip(snapshot.gap_volts, snapshot.gap_in_window, strict=True)
     ]
     rows.append(_row("gap voltage", gaps))
     return rows
@@ -259,7 +259,7 @@ def _uncertainty(order_frame: OrderFrame | None) -> str:
 def _signal_rows(drawing: Drawing, update: LiveUpdate, snapshot: Snapshot, at: float) -> float:
     """Draw gap voltages, tacho and clipping from line ``at`` on; return the next line."""
     drawing.text("gap", (_LEFT, at), _SIZE, LABEL)
-    for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_ok, (_X, _Y), strict=True):
+    for volts, ok, right in zip(snapshot.gap_volts, snapshot.gap_in_window, (_X, _Y), strict=True):
         text = f"{volts:.2f} V {'ok' if ok else 'OUT'}"
         drawing.text(text, (right, at), _SIZE, GOOD if ok else ALARM, Anchor.RIGHT)
     good = snapshot.tacho.state is TachoState.GOOD

@@ -138,7 +138,7 @@ def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency
     ParameterError
         At the resonance of the ring, where the stiffness is infinite.
     """
-    through = outer - ring_mass * frequency**2
-    if inner + through == 0:
-        raise ParameterError(f"frequency: {frequency:g} rad/s, expected another than the ring's own resonance")
-    return inner * through / (inner + through)  # Eq. (5.11)
+    outer_dynamic_stiffness = outer - ring_mass * frequency**2
+    if inner + outer_dynamic_stiffness == 0:
+        raise ParameterError(f"frequency: {frequency:g} rad/s, expected a frequency other than the ring's resonance")
+    return inner * outer_dynamic_stiffness / (inner + outer_dynamic_stiffness)  # Eq. (5.11)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from analysis.spectra.order_spectrum import order_spectrum
 from model.errors import ParameterError
 from model.rotor.parameters import ModelParameters
-from model.studies.run_up import MIN_AMPLITUDE, SUB_SYNCHRONOUS
+from model.studies.run_up import MIN_AMPLITUDE, WHIRL_ORDER_RANGE
 from model.studies.stepped_motion import STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style
 
@@ -107,8 +107,8 @@ def _station_columns(
     orders, spectrum = _spectrum(displacements, turns)
     first = spectrum[:, :, int(np.argmin(np.abs(orders - 1)))]
     lowest, highest = (
-        max(SUB_SYNCHRONOUS[0], WINDOW_HALF_WIDTH / turns),
-        min(SUB_SYNCHRONOUS[1], 1 - WINDOW_HALF_WIDTH / turns),
+        max(WHIRL_ORDER_RANGE[0], WINDOW_HALF_WIDTH / turns),
+        min(WHIRL_ORDER_RANGE[1], 1 - WINDOW_HALF_WIDTH / turns),
     )
     below = (orders >= lowest) & (orders <= highest)
     strongest = np.argmax(np.abs(spectrum[:, 0, below]), axis=1)

@@ -16,7 +16,7 @@ from model.studies.study import Plot, Series, Study, Style, Surface
 
 FloatArray = NDArray[np.float64]
 
-SUB_SYNCHRONOUS = (0.05, 0.95)  # orders searched for whirl, reduced by the width of the window about 0X and 1X
+WHIRL_ORDER_RANGE = (0.05, 0.95)  # orders searched for whirl, reduced by the width of the window about 0X and 1X
 MAX_COMBINATION_ORDER = 5  # largest integer factor in combinations of a whirl with 1X
 MAX_COMBINATION_OFFSET = 0.5  # lines between a peak and the order of a combination
 MAX_COMBINATION_SIZE = 0.25  # relative to the whirl in its film: a larger component is no combination
@@ -83,9 +83,9 @@ class RunUp:
     def component(self, band: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Return order and amplitude, m peak, of the largest line in a band of orders; NaN at the wall."""
         inside = (self.orders >= band[0]) & (self.orders < band[1])
-        place = np.argmax(self.spectrum[:, inside], axis=1)
-        largest = np.take_along_axis(self.spectrum[:, inside], place[:, None], axis=1)[:, 0]
-        return np.where(np.isnan(largest), np.nan, self.orders[inside][place]), largest
+        index = np.argmax(self.spectrum[:, inside], axis=1)
+        largest = np.take_along_axis(self.spectrum[:, inside], index[:, None], axis=1)[:, 0]
+        return np.where(np.isnan(largest), np.nan, self.orders[inside][index]), largest
 
     def whirl(self, film: FilmName) -> tuple[FloatArray, FloatArray]:
         """Return order (NaN without whirl) and amplitude at the station, m peak, of the whirl of a film at each speed.
@@ -102,27 +102,27 @@ class RunUp:
         if np.isnan(films).any():
             return math.nan, math.nan
         width = WINDOW_HALF_WIDTH * self.orders[1]
-        lowest, highest = max(SUB_SYNCHRONOUS[0], width), min(SUB_SYNCHRONOUS[1], 1 - width)
+        lowest, highest = max(WHIRL_ORDER_RANGE[0], width), min(WHIRL_ORDER_RANGE[1], 1 - width)
         peaks = [_peaks(one, self.orders) for one in films]
         # sub-synchronous peaks of each film: those with the larger motion in that film
         own = [
-            [(one, place) for one, place in found if lowest <= one <= highest and films[k, place] > films[1 - k, place]]
+            [(one, index) for one, index in found if lowest <= one <= highest and films[k, index] > films[1 - k, index]]
             for k, found in enumerate(peaks)
         ]
-        largest = [max((float(films[k, place]) for _, place in found), default=0.0) for k, found in enumerate(own)]
+        largest = [max((float(films[k, index]) for _, index in found), default=0.0) for k, found in enumerate(own)]
         first, wanted = int(np.argmax(largest)), list(FilmName).index(film)
         if first != wanted and own[first]:
             combined = combinations(max(own[first], key=lambda peak: films[first, peak[1]])[0])
             own[wanted] = [
-                (one, place)
-                for one, place in own[wanted]
+                (one, index)
+                for one, index in own[wanted]
                 if np.abs(combined - one).min() > MAX_COMBINATION_OFFSET * self.orders[1]
-                or films[wanted, place] >= MAX_COMBINATION_SIZE * largest[first]
+                or films[wanted, index] >= MAX_COMBINATION_SIZE * largest[first]
             ]
         if not own[wanted]:
             return math.nan, 0.0
-        order, place = max(own[wanted], key=lambda peak: films[wanted, peak[1]])
-        return order, float(self.spectrum[row, place])
+        order, index = max(own[wanted], key=lambda peak: films[wanted, peak[1]])
+        return order, float(self.spectrum[row, index])
 
     @property
     def first_order(self) -> FloatArray:
@@ -152,7 +152,7 @@ def _peaks(spectrum: FloatArray, orders: FloatArray) -> list[tuple[float, int]]:
     below, at, above = spectrum[places - 1], spectrum[places], spectrum[places + 1]
     ratio = np.maximum(below, above) / at
     offset = np.where(above >= below, 1, -1) * np.clip((2 * ratio - 1) / (1 + ratio), 0.0, 0.5)  # lines
-    return [(float(one), int(place)) for one, place in zip(orders[places] + offset * orders[1], places, strict=True)]
+    return [(float(one), int(index)) for one, index in zip(orders[places] + offset * orders[1], places, strict=True)]
 
 
 def combinations(order: float) -> FloatArray:

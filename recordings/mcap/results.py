@@ -97,12 +97,12 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
             phase_reference_is_arbitrary=features.tacho_mark_is_arbitrary,
         ),
         gap_volts=_floats([features.gap_x_v, features.gap_y_v]),
-        gap_ok=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
+        gap_in_window=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
         peak_to_peak=_floats([features.peak_to_peak_x_m, features.peak_to_peak_y_m]),
         clipped=np.array(features.clipped, dtype=np.int64),
         frame=None if frame is None else _decoded_frame(frame),
         trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
-        beyond_calibration=np.array(features.beyond_calibration or (0, 0), dtype=np.int64),  # older files have none
+        outside_calibration=np.array(features.beyond_calibration or (0, 0), dtype=np.int64),  # older files have none
         counter=_decoded_check(features.counter) if features.HasField("counter") else None,
     )
 
@@ -123,14 +123,14 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         tacho_mark_is_arbitrary=tacho.phase_reference_is_arbitrary,
         gap_x_v=snapshot.gap_volts[0],
         gap_y_v=snapshot.gap_volts[1],
-        gap_x_ok=bool(snapshot.gap_ok[0]),
-        gap_y_ok=bool(snapshot.gap_ok[1]),
+        gap_x_ok=bool(snapshot.gap_in_window[0]),
+        gap_y_ok=bool(snapshot.gap_in_window[1]),
         peak_to_peak_x_um=snapshot.peak_to_peak[0] / MICROMETRE,
         peak_to_peak_y_um=snapshot.peak_to_peak[1] / MICROMETRE,
         peak_to_peak_x_m=snapshot.peak_to_peak[0],
         peak_to_peak_y_m=snapshot.peak_to_peak[1],
         clipped=snapshot.clipped.tolist(),
-        beyond_calibration=snapshot.beyond_calibration.tolist(),
+        beyond_calibration=snapshot.outside_calibration.tolist(),
         has_order_frame=snapshot.frame is not None,
         counter=None if snapshot.counter is None else _check(snapshot.counter),
     )

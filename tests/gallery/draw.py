@@ -16,7 +16,7 @@ from PIL import Image
 from analysis.live.alarms import LimitMonitor
 from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.shaft.orbit import Orbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.overall import overall
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.blocks import TimeInRun
@@ -52,7 +52,7 @@ def timebase(axes: Axes, run: Run) -> None:
     axes.legend(ncols=3, loc="upper left")
 
 
-def orbit(axes: Axes, found: FilteredOrbit, title: str) -> None:
+def orbit(axes: Axes, found: Orbit, title: str) -> None:
     for turn in range(found.motion.shape[1]):
         path = found.motion[:, turn] / MICRO
         path = (

@@ -129,10 +129,10 @@ def make_snapshot() -> Callable[..., Snapshot]:
                 phase_reference_is_arbitrary=with_frame,
             ),
             gap_volts=random.standard_normal(2) + 5,
-            gap_ok=np.array([True, False]),
+            gap_in_window=np.array([True, False]),
             peak_to_peak=random.random(2) * 1e-4,
             clipped=np.array([0, 3, 0]),
-            beyond_calibration=np.array([0, 1_234_567]),
+            outside_calibration=np.array([0, 1_234_567]),
             frame=frame if with_frame else None,
             trace=Trace(np.arange(3.0), np.zeros((2, 3)), np.zeros(3)),
         )

@@ -13,7 +13,7 @@ from daq.errors import DeviceError, DeviceFault
 if TYPE_CHECKING:
     from daq.drivers.ni.card import NiCard
 
-MAX_STAMP_DELAY = 5.0  # s from the edge to the program: longer than any real delay, much shorter than a wrap
+MAX_TIMESTAMP_DELAY = 5.0  # s from the edge to the program: longer than any real delay, much shorter than a wrap
 
 
 class CounterUnwrapper:
@@ -100,13 +100,13 @@ class CounterStamps:
             return None
         timebase, here = self._counter.timebase, end * self._ticks_per_sample
         ticks, newest = self._unwrapper.ticks(counts), here + backlog * self._ticks_per_sample
-        if ticks.size and ticks[-1] > newest + MAX_STAMP_DELAY * timebase:
+        if ticks.size and ticks[-1] > newest + MAX_TIMESTAMP_DELAY * timebase:
             counted = f"it counted {ticks[-1] / timebase:.1f} s, but the samples are at {newest / timebase:.1f} s"
             reason = "it uses another clock or did not start with them"
             self.fail(end, DeviceError(DeviceFault.OTHER, f"{counted}: {reason}"))
             return None
         if is_empty:
-            self._unwrapper.no_edge_before(int(here - MAX_STAMP_DELAY * timebase))
+            self._unwrapper.no_edge_before(int(here - MAX_TIMESTAMP_DELAY * timebase))
         known = np.concatenate([self._ahead, ticks])
         taken, self._ahead = np.split(known, [np.searchsorted(known, here)])
         return taken

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM, phase_lag_degrees
 from analysis.tacho.shaft_angle import ShaftAngle
-from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_TURNS, probe_envelopes
+from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_REVOLUTIONS, probe_envelopes
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
@@ -24,7 +24,7 @@ ComplexArray = NDArray[np.complex128]
 DEFAULT_BANDWIDTH = 4.0  # Hz
 MIN_DURATION = 8.0  # s of envelopes in one solution
 SETTLING = 6.0  # s Hz, over the bandwidth: margin on either side for an error of 1e-7
-SLOW = 1.5 * MEAN_TURNS  # turns on either side needed by the mean position
+SLOW = 1.5 * MEAN_REVOLUTIONS  # turns on either side needed by the mean position
 MAX_UNKNOWNS = 2_000_000  # orders squared times samples of one solution: about 1.5 GB
 INSET = 0.02  # s at either end, needed by the filters
 WAVEFORM_POINTS = 128  # per revolution

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from analysis.shaft.orbit import FilteredOrbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.shaft.orbit import Orbit, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import Pattern, PoincareSection, poincare_section
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM
 from daq.reports.analysis_result import AnalysisResult
@@ -75,7 +75,7 @@ def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     )
 
 
-def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[FilteredOrbit, str]:
+def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...]) -> tuple[Orbit, str]:
     named = " and ".join(f"{order:g}X" for order in orders)
     match query.filter:
         case OrbitFilter.DIRECT:
@@ -91,7 +91,7 @@ def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...
             return found, f"not-{named}"
 
 
-def _timebase(found: FilteredOrbit, begin: float) -> Panel:
+def _timebase(found: Orbit, begin: float) -> Panel:
     """Return a plot of X and Y over time with the keyphasor mark."""
     times = (found.times - begin) / MILLISECOND
     curves = [

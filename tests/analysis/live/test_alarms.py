@@ -38,7 +38,7 @@ def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
         speed=100.0 * time,
         tacho=TachoReport(TachoState.GOOD, 1, 0, 0, 1e-6),
         gap_volts=np.array([5.0, 5.0]),
-        gap_ok=np.array([True, True]),
+        gap_in_window=np.array([True, True]),
         peak_to_peak=np.array([x, y]) * MICROMETRE,
         clipped=np.zeros(3, dtype=np.int64),
         frame=None,

@@ -223,8 +223,8 @@ def test_new_segment_restarts_the_analysis_but_not_the_counts(make_bench: Maker)
     assert second[-1].segment == 1
     assert first[-1].clipped.tolist() == [1, 0, 0]
     assert second[-1].clipped.tolist() == [2, 0, 0]
-    assert first[-1].beyond_calibration.tolist() == [1, 0]
-    assert second[-1].beyond_calibration.tolist() == [2, 0]
+    assert first[-1].outside_calibration.tolist() == [1, 0]
+    assert second[-1].outside_calibration.tolist() == [2, 0]
     assert second[-1].tacho.pulses == 2 * first[-1].tacho.pulses
     assert same(first[-1].frame, second[-1].frame)
     assert analyser.end_segment(SegmentEnd(7, 0, EndReason.FINISHED)) == []
@@ -251,7 +251,7 @@ def test_gap_voltage_and_peak_to_peak_match_the_motion(make_bench: Maker) -> Non
     codes[1] -= 12_000
     snapshot = bench.snapshots(codes)[-1]
     assert snapshot.gap_volts == pytest.approx([4.5, 4.5 - 12_000 * 10 / 32768], abs=0.001)
-    assert snapshot.gap_ok.tolist() == [True, False]
+    assert snapshot.gap_in_window.tolist() == [True, False]
     assert snapshot.peak_to_peak == pytest.approx([40 * MICROMETRE, 40 * MICROMETRE], rel=0.02)
 
 

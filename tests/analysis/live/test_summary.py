@@ -87,7 +87,7 @@ def test_quiet_run_has_no_findings(make_bench: Maker, header: RunHeader) -> None
     for probe in summary.probes:
         assert probe.gap_mean == pytest.approx(4.5, abs=0.01)
         assert probe.gap_min <= probe.gap_mean <= probe.gap_max
-        assert probe.gap_ok
+        assert probe.gap_in_window
         assert probe.largest_peak_to_peak == pytest.approx(20 * MICROMETRE, rel=0.05)
     assert summary.largest_peak_to_peak == max(probe.largest_peak_to_peak for probe in summary.probes)
     assert (summary.run, summary.rig, summary.started_ns) == (header.run, header.rig, header.started_ns)
@@ -135,8 +135,8 @@ def test_loose_probe_shows_in_gap_and_clipping(make_bench: Maker, header: RunHea
     codes[1, 30_000:] = 32767
     summary = summary_of(bench, header, codes, SegmentEnd(0, 60_000, EndReason.STOPPED))
     assert summary.clipped == (0, 30_000, 0)
-    assert [probe.gap_ok for probe in summary.probes] == [True, False]
-    assert [probe.beyond_calibration for probe in summary.probes] == [0, 30_000]
+    assert [probe.gap_in_window for probe in summary.probes] == [True, False]
+    assert [probe.outside_calibration for probe in summary.probes] == [0, 30_000]
     assert summary.probes[1].gap_max == pytest.approx(10.0, abs=0.001)
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 from analysis.signals.snapshot import CounterState
-from analysis.tacho.edge_reader import MAX_STAMP_DELAY, TachoEdgeReader
+from analysis.tacho.edge_reader import MAX_TIMESTAMP_DELAY, TachoEdgeReader
 
 RATE, TIMEBASE, DELAY = 10_000.0, 80e6, 3e-4
 COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, TIMEBASE, is_reference=True, max_difference=1e-4)
@@ -81,7 +81,7 @@ def test_missing_timestamps_mean_no_edge_only_after_the_maximum_delay() -> None:
     given = TachoEdgeReader(acquisition())
     given.add_block(block(0, 10_000, TICKS[:5]))
     stretch = given.read(VOLTS[:10_000], 0)
-    assert stretch.known == pytest.approx(1.0 - MAX_STAMP_DELAY)
+    assert stretch.known == pytest.approx(1.0 - MAX_TIMESTAMP_DELAY)
     given.add_block(block(10_000, 10_000, TICKS[5:99]))
     assert given.read(VOLTS[10_000:20_000], 10_000).known == pytest.approx(EDGES[98])
 

@@ -133,7 +133,7 @@ def test_page_shows_data_quality_in_one_line(bench: Bench, tmp_path: Path) -> No
     bench.live.update = UPDATE
     assert text_of(load_page(bench.server.url, tmp_path), "quality") == "✓ no samples lost · signals good"
     assert UPDATE.snapshot is not None
-    doubtful = replace(UPDATE.snapshot, gap_ok=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
+    doubtful = replace(UPDATE.snapshot, gap_in_window=np.array([True, False]), gap_volts=np.array([5.1, 0.02]))
     status = replace(UPDATE.status, lost=2000, clipped=(Clipping("y", 1234, 3, 12.0),))
     bench.live.update = replace(UPDATE, snapshot=doubtful, status=status)
     page = load_page(bench.server.url, tmp_path)

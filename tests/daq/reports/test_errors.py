@@ -2,11 +2,11 @@
 
 import pytest
 
-from analysis.signals.errors import AnalysisError, BandLimitError, RecordTooShortError, TachoRefusedError
+from analysis.signals.errors import AmbiguousTachoError, AnalysisError, BandLimitError, RecordTooShortError
 from daq.reports.errors import InsufficientDataError, translated_errors
 
 
-@pytest.mark.parametrize("error", [AnalysisError, BandLimitError, RecordTooShortError, TachoRefusedError])
+@pytest.mark.parametrize("error", [AnalysisError, BandLimitError, RecordTooShortError, AmbiguousTachoError])
 def test_analysis_error_becomes_insufficient_data(error: type[AnalysisError]) -> None:
     with pytest.raises(InsufficientDataError, match=r"^run r: 3 samples$"), translated_errors("run r"):
         raise error("3 samples")

@@ -153,7 +153,7 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
         speed=speed,
         tacho=TachoReport(TachoState.GOOD, pulses=round(time * 100), filled=0, rejected=0, jitter=2e-6),
         gap_volts=np.array([5.1, 4.8]),
-        gap_ok=np.array([True, True]),
+        gap_in_window=np.array([True, True]),
         peak_to_peak=np.ptp(waveform, axis=1),
         clipped=np.zeros(3, dtype=np.int64),
         frame=OrderFrame(

@@ -170,7 +170,7 @@ def test_banner_shows_measurement_warnings(tmp_path: Path) -> None:
     irregular = replace(update.snapshot.tacho, state=TachoState.IRREGULAR)
     for name, doubtful in (
         ("clipped", replace(update, status=clipped)),
-        ("gap", replace(update, snapshot=replace(update.snapshot, gap_ok=np.array([True, False])))),
+        ("gap", replace(update, snapshot=replace(update.snapshot, gap_in_window=np.array([True, False])))),
         ("tacho", replace(update, snapshot=replace(update.snapshot, tacho=irregular))),
     ):
         assert Logged([doubtful], tmp_path / f"{name}.rrd").strips("/banner", ALARM), name

@@ -85,7 +85,7 @@ def test_ring_in_series_is_equation_5_11() -> None:
 
 
 def test_equivalent_stiffness_at_the_ring_resonance_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"frequency: 200 rad/s, expected another than the ring's own resonance"):
+    with pytest.raises(ValueError, match=r"frequency: 200 rad/s, expected a frequency other than the ring's resonance"):
         equivalent_stiffness(3e4, 1e4, 1.0, 200.0)
 
 

@@ -301,4 +301,4 @@ def test_analyser_finds_the_configured_motion(rig: RigFactory) -> None:
     assert last.frame.whirl.amplitude == pytest.approx(9e-6, rel=0.05)
     assert last.frame.whirl.is_forward
     np.testing.assert_allclose(np.abs(last.frame.vectors[1]), 1.5e-6, rtol=0.05)
-    assert last.gap_ok.all()
+    assert last.gap_in_window.all()

@@ -84,7 +84,7 @@ def test_recorded_run_shows_the_lost_contact_of_its_probe(rig: RigFactory, tmp_p
     np.testing.assert_array_equal(lost, fault.is_lost(np.arange(codes.shape[1]) / 20_000))
     with RunReader(run.path) as reader:
         summary = summarise(reader)
-    assert [probe.beyond_calibration for probe in summary.probes] == [np.count_nonzero(lost), 0]
+    assert [probe.outside_calibration for probe in summary.probes] == [np.count_nonzero(lost), 0]
     assert {alarm.probe for alarm in summary.alarms} == {"x"}
 
 
