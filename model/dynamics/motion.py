@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.dynamics.state import NO_LEVEL
@@ -256,9 +257,9 @@ class ShaftMotion:
             ("inner", "journal", films.inner_clearance) if closest < 2 else ("outer", "ring", films.outer_clearance)
         )
         return float(ratios[closest]), (
-            f"eccentricity: the {body} reached {ratios[closest] * clearance * 1e6:.2f} µm of the {film} film's "
-            f"clearance of {clearance * 1e6:g} µm at {speed:.1f} rad/s, expected less than the clearance: the shaft "
-            "touches the wall"
+            f"eccentricity: the {body} reached {ratios[closest] * clearance / MICROMETRE:.2f} µm of the {film} film's "
+            f"clearance of {clearance / MICROMETRE:g} µm at {speed:.1f} rad/s, expected less than the clearance: "
+            "the shaft touches the wall"
         )
 
 

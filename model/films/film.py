@@ -4,6 +4,7 @@ import cmath
 import math
 from dataclasses import dataclass
 
+from analysis.signals.units import MICROMETRE
 from model.films.capone_kernel import MIN_WALL_MARGIN, capone_force
 from model.films.short_film import CaponeForm, capone_forces
 from model.rotor.parameters import FloatingRing
@@ -74,8 +75,8 @@ class Film:
         eccentricity = abs(position) / self.clearance
         if not 1 - eccentricity**2 >= MIN_WALL_MARGIN:
             raise ValueError(
-                f"position: {abs(position) * 1e6:.3f} µm from the centre, expected less than the clearance of "
-                f"{self.clearance * 1e6:g} µm (eccentricity ratio {eccentricity:.5f})"
+                f"position: {abs(position) / MICROMETRE:.3f} µm from the centre, expected less than the clearance of "
+                f"{self.clearance / MICROMETRE:g} µm (eccentricity ratio {eccentricity:.5f})"
             )
         if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
             raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")

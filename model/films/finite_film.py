@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from analysis.signals.units import MICROMETRE
 from model.errors import EquilibriumError
 from model.films.film import Film
 from model.films.grid import Flow, Grid
@@ -185,8 +186,8 @@ def thickness(
 def _require_inside(film: Film, position: complex) -> None:
     if not abs(position) < film.clearance:
         raise ValueError(
-            f"position: {abs(position) * 1e6:g} µm from the centre, expected less than the clearance of "
-            f"{film.clearance * 1e6:g} µm"
+            f"position: {abs(position) / MICROMETRE:g} µm from the centre, expected less than the clearance of "
+            f"{film.clearance / MICROMETRE:g} µm"
         )
 
 

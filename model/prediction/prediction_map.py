@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.probes import ProbePair
+from analysis.signals.units import RPM
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
@@ -151,11 +152,10 @@ class PredictionMap:
 
 def default_map_speeds(highest: float) -> FloatArray:
     """Return the speeds of a map up to ``highest``, rad/s: from 500 r/min in steps of about 250 r/min."""
-    rpm = 2 * math.pi / 60
-    lowest = 500 * rpm
+    lowest = 500 * RPM
     if not (math.isfinite(highest) and highest > lowest):
         raise ParameterError(f"highest: {highest:g} rad/s, expected more than {lowest:g} rad/s")
-    steps = max(1, math.ceil((highest - lowest) / (250 * rpm) - 1e-9))
+    steps = max(1, math.ceil((highest - lowest) / (250 * RPM) - 1e-9))
     return np.linspace(lowest, highest, steps + 1)
 
 

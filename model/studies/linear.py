@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MILLIMETRE
 from model.linear.campbell import campbell
 from model.linear.critical_speeds import critical_speed_map, system_critical_speeds
 from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
@@ -67,7 +68,7 @@ def modes_study(parameters: ModelParameters, stiffness: float | None, speed: flo
         plane = max(modes.shapes[number], key=lambda moved: float(np.abs(moved).max()))
         moved = np.real(plane * np.exp(-1j * np.angle(_largest(plane))))
         label = f"{abs(frequencies[number]):,.1f} Hz" + ("" if system.is_undamped_isotropic else f", {names[number]}")
-        series.append(Series(label, parameters.rotor.positions * 1e3, np.asarray(moved)))
+        series.append(Series(label, parameters.rotor.positions / MILLIMETRE, np.asarray(moved)))
     held = "free" if stiffness is None and not parameters.supports else "supported"
     title = f"Modes of the {held} rotor at {speed:,.0f} rad/s"
     return Study(

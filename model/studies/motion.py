@@ -6,6 +6,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE, MILLIMETRE, phase_lag_degrees
 from analysis.spectra.order_spectrum import order_spectrum
 from model.errors import ParameterError
 from model.rotor.parameters import ModelParameters
@@ -69,7 +70,7 @@ def motion_study(
     station = parameters.probe_station
     stepped = SteppedMotion(parameters, seed)
     stations = stepped.settle_at(speed, settle).record(turns).stations
-    path, points = stations[station - 1] * 1e6, stations[station - 1, :, ::STEPS_PER_TURN] * 1e6
+    path, points = stations[station - 1] / MICROMETRE, stations[station - 1, :, ::STEPS_PER_TURN] / MICROMETRE
     orders, spectrum = _spectrum(path, turns)
     orbit = path[:, -min(turns, ORBIT_TURNS) * STEPS_PER_TURN :]
     columns: dict[str, FloatArray | tuple[str, ...]]
@@ -87,7 +88,7 @@ def motion_study(
     if seed:
         remark += (
             f"; growth rate of the least stable whirl of the synchronous motion {stepped.growth_rate:.3g} /s"
-            f"{f', seeded with {seed * 1e6:g} µm' if stepped.growth_rate > 0 else ''}"
+            f"{f', seeded with {seed / MICROMETRE:g} µm' if stepped.growth_rate > 0 else ''}"
         )
     return Study(
         f"Motion, {title[0].lower()}{title[1:]}", columns, _plots(title, orbit, points, orders, spectrum), (remark,)
@@ -115,18 +116,18 @@ def _station_columns(
     amplitude = np.take_along_axis(np.abs(spectrum[:, 0, below]), strongest[:, None], axis=1)[:, 0]
     return {
         "station": np.arange(1.0, positions.size + 1),
-        "position_mm": positions * 1e3,
-        "first_order_x_um_pk": np.abs(first[:, 0]) * 1e6,
-        "lag_x_deg": np.degrees(-np.angle(first[:, 0])) % 360,
-        "first_order_y_um_pk": np.abs(first[:, 1]) * 1e6,
-        "lag_y_deg": np.degrees(-np.angle(first[:, 1])) % 360,
+        "position_mm": positions / MILLIMETRE,
+        "first_order_x_um_pk": np.abs(first[:, 0]) / MICROMETRE,
+        "lag_x_deg": phase_lag_degrees(first[:, 0]),
+        "first_order_y_um_pk": np.abs(first[:, 1]) / MICROMETRE,
+        "lag_y_deg": phase_lag_degrees(first[:, 1]),
         "whirl_order": np.where(amplitude > MIN_AMPLITUDE, orders[below][strongest], np.nan),
-        "whirl_x_um_pk": amplitude * 1e6,
-        "overall_x_um_pp": np.ptp(displacements[:, 0], axis=1) * 1e6,
-        "overall_y_um_pp": np.ptp(displacements[:, 1], axis=1) * 1e6,
-        "spread_x_um": np.ptp(displacements[:, 0, ::STEPS_PER_TURN], axis=1) * 1e6,
-        "mean_x_um": displacements[:, 0].mean(axis=1) * 1e6,
-        "mean_y_um": displacements[:, 1].mean(axis=1) * 1e6,
+        "whirl_x_um_pk": amplitude / MICROMETRE,
+        "overall_x_um_pp": np.ptp(displacements[:, 0], axis=1) / MICROMETRE,
+        "overall_y_um_pp": np.ptp(displacements[:, 1], axis=1) / MICROMETRE,
+        "spread_x_um": np.ptp(displacements[:, 0, ::STEPS_PER_TURN], axis=1) / MICROMETRE,
+        "mean_x_um": displacements[:, 0].mean(axis=1) / MICROMETRE,
+        "mean_y_um": displacements[:, 1].mean(axis=1) / MICROMETRE,
     }
 
 

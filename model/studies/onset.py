@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import RPM
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
 from model.dynamics.whirl import FilmName, Whirl, dominant_film
@@ -201,7 +202,7 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
     onsets = np.array([edge for band in found.bands for edge in (band.start, band.stop) if edge < speeds[-1]])
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         "speed_rad_s": speeds,
-        "speed_rpm": np.asarray(speeds * 30 / math.pi),
+        "speed_rpm": np.asarray(speeds / RPM),
         "growth_rate_1_s": found.growth_rates,
         "whirl_order": found.orders,
         "film": tuple("–" if math.isnan(share) else dominant_film(share).value for share in found.inner_shares),

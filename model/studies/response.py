@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE, phase_lag_degrees
 from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError
 from model.linear.response import imbalance_response
@@ -47,8 +48,8 @@ def response_study(
         vectors, names = {"run-up": run_up, "run-down": run_down}, ("up_", "down_")
     amplitude, phase = [], []
     for (label, vector), name in zip(vectors.items(), names, strict=True):
-        peak = np.asarray(np.abs(vector) * 1e6)
-        lag = np.asarray(np.degrees(-np.angle(vector)) % 360)
+        peak = np.asarray(np.abs(vector) / MICROMETRE)
+        lag = phase_lag_degrees(vector)
         columns[f"{name}amplitude_um_pk"] = peak
         columns[f"{name}lag_deg"] = lag
         style = Style.DASHED if name == "down_" else Style.LINE

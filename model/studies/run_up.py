@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.whirl import FilmName
 from model.errors import ParameterError, WallContactError
@@ -240,15 +241,15 @@ def waterfall_study(found: RunUp, name: str) -> Study:
         order, size = found.whirl(film)
         columns |= {
             f"{film}_whirl_order": np.where(size > MIN_AMPLITUDE, order, np.nan),
-            f"{film}_whirl_um_pk": size * 1e6,
+            f"{film}_whirl_um_pk": size / MICROMETRE,
         }
     return Study(
         f"Waterfall, {name}",
         {
             "speed_rad_s": found.speeds,
-            "first_order_um_pk": found.first_order * 1e6,
+            "first_order_um_pk": found.first_order / MICROMETRE,
             **columns,
-            "overall_um_pp": found.peak_to_peak * 1e6,
+            "overall_um_pp": found.peak_to_peak / MICROMETRE,
             **_seeding_columns(found.seeding),
         },
         (waterfall_surface(found, f"Waterfall, {name}"),),
@@ -286,7 +287,7 @@ def _seeding_remarks(found: RunUp) -> list[str]:
     seeding = found.seeding
     if seeding is None:
         return ["not seeded: an unstable motion may take long to grow"]
-    size = f"{seeding.size * 1e6:g} µm"
+    size = f"{seeding.size / MICROMETRE:g} µm"
     remarks = [
         f"unstable motions seeded with {size} along each film's whirl, at most {MAX_GROWTH_TURNS:,} turns to grow"
     ]
@@ -301,7 +302,7 @@ def _seeding_remarks(found: RunUp) -> list[str]:
 
 def waterfall_surface(found: RunUp, title: str) -> Surface:
     """Return the waterfall of a run-up as a colour map, order over speed."""
-    amplitude = np.asarray(np.clip(found.spectrum * 1e6, AMPLITUDE_FLOOR, None))
+    amplitude = np.asarray(np.clip(found.spectrum / MICROMETRE, AMPLITUDE_FLOOR, None))
     largest = float(np.nanmax(amplitude)) if np.any(np.isfinite(amplitude)) else 1.0
     return Surface(
         title,
@@ -326,14 +327,14 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
         Name of the case.
     """
     wall_remarks = _wall_remarks(found)
-    width = np.ptp(found.stroboscopic, axis=2) * 1e6
+    width = np.ptp(found.stroboscopic, axis=2) / MICROMETRE
     return Study(
         f"Bifurcation diagram, {name}",
         {
             "speed_rad_s": found.speeds,
             "spread_x_um": width[:, 0],
             "spread_y_um": width[:, 1],
-            "overall_um_pp": found.peak_to_peak * 1e6,
+            "overall_um_pp": found.peak_to_peak / MICROMETRE,
             **_seeding_columns(found.seeding),
         },
         (bifurcation_plot(found, f"Bifurcation diagram, {name}"),),
@@ -347,6 +348,6 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
 
 def bifurcation_plot(found: RunUp, title: str) -> Plot:
     """Return the Poincaré points of a run-up over speed as a plot."""
-    points = found.stroboscopic[:, 0] * 1e6
+    points = found.stroboscopic[:, 0] / MICROMETRE
     speeds = np.repeat(found.speeds, points.shape[1])
     return Plot(title, SPEED_LABEL, "X at θ = 0 [µm]", (Series("", speeds, points.ravel(), Style.POINTS),))

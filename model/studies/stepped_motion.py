@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
@@ -80,8 +81,8 @@ class SteppedMotion:
         clearance = self.parameters.floating_ring.inner_clearance
         if not 0 <= self.seed < clearance:
             raise ValueError(
-                f"seed: {self.seed * 1e6:g} µm, expected 0 or more and less than the inner clearance of "
-                f"{clearance * 1e6:g} µm"
+                f"seed: {self.seed / MICROMETRE:g} µm, expected 0 or more and less than the inner clearance of "
+                f"{clearance / MICROMETRE:g} µm"
             )
 
     def settle_at(self, speed: float, settle: int) -> "SteppedMotion":

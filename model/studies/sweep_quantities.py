@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from analysis.signals.units import MICROMETRE, phase_lag_degrees
 from model.dynamics.synchronous import synchronous_response
 from model.dynamics.whirl import FilmName
 from model.errors import ModelError, ParameterError
@@ -133,8 +134,8 @@ def variable_names(quantity: str, parameters: ModelParameters) -> tuple[str, ...
 def _response(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
     found = synchronous_response(parameters, options["speed_rad_s"])
     vector = complex(found.vectors[0])
-    lag = math.degrees(-math.atan2(vector.imag, vector.real)) % 360
-    return abs(vector) * 1e6, lag, found.growth_rate, found.whirl_order
+    lag = phase_lag_degrees(vector)
+    return abs(vector) / MICROMETRE, lag, found.growth_rate, found.whirl_order
 
 
 def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -149,9 +150,9 @@ def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[f
 def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
     low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
     speeds, settle, turns = np.linspace(low, high, count), int(options["settle_turns"]), int(options["turns"])
-    found = run_up(parameters, speeds, settle, turns, seed=options["seed_um"] * 1e-6)
+    found = run_up(parameters, speeds, settle, turns, seed=options["seed_um"] * MICROMETRE)
     largest = float(np.nanmax(found.peak_to_peak)) if np.any(np.isfinite(found.peak_to_peak)) else math.nan
-    return found.onset(FilmName.INNER), found.onset(FilmName.OUTER), largest * 1e6
+    return found.onset(FilmName.INNER), found.onset(FilmName.OUTER), largest / MICROMETRE
 
 
 def _critical(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
@@ -177,7 +178,7 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     ),
     "whirl": Quantity(
         "onset of the whirl of each film in a run-up in time, and largest overall vibration",
-        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": DEFAULT_SEED * 1e6},
+        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": DEFAULT_SEED / MICROMETRE},
         ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
         _whirl,
     ),

@@ -5,13 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Final
 
+from analysis.signals.units import MICROMETRE, MILLIMETRE
 from model.errors import ParameterError
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.rub import Rub
 from model.rotor.supports import SupportCoefficients
-
-MICRO = 1e-6
-MILLI = 1e-3
 
 
 def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], ModelParameters]:
@@ -71,14 +69,14 @@ PARAMETER_SETTERS: Final[dict[str, Callable[[ModelParameters, float], ModelParam
     "imbalance_station": _station,
     "imbalance_phase_deg": _phase,
     "viscosity_pa_s": _bearing("viscosity", 1.0),
-    "inner_clearance_um": _bearing("inner_clearance", MICRO),
-    "outer_clearance_um": _bearing("outer_clearance", MICRO),
-    "ring_outer_radius_mm": _bearing("ring_outer_radius", MILLI),
+    "inner_clearance_um": _bearing("inner_clearance", MICROMETRE),
+    "outer_clearance_um": _bearing("outer_clearance", MICROMETRE),
+    "ring_outer_radius_mm": _bearing("ring_outer_radius", MILLIMETRE),
     "ring_mass_kg": _bearing("ring_mass", 1.0),
-    "film_length_mm": _bearing("length", MILLI),
+    "film_length_mm": _bearing("length", MILLIMETRE),
     "static_load_n": _bearing("static_load", 1.0),
     "support_stiffness_n_m": _support,
-    "rub_clearance_um": _rub(lambda rub, value: replace(rub, clearance=value * MICRO)),
+    "rub_clearance_um": _rub(lambda rub, value: replace(rub, clearance=value * MICROMETRE)),
     "rub_stiffness_n_m": _rub(lambda rub, value: replace(rub, stiffness=value)),
     "rub_friction": _rub(lambda rub, value: replace(rub, friction=value)),
     "rub_damping_s_m": _rub(lambda rub, value: replace(rub, damping=value)),

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import angular_record_from_codes
 from analysis.signals.header import Acquisition, Calibration, Channel, Device, Role, Tacho
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import OrderMap, order_map
 
 RATE = 100_000.0
 DURATION = 60.0
 MIN_TURN_RATE, MAX_TURN_RATE = 100.0, 1000.0  # revolutions per second
-MICRO = 1e-6
 METRES_PER_VOLT, VOLTS_PER_CODE = 1e-4, 10.0 / 32768
 CHUNK = 500_000
 
@@ -49,7 +49,7 @@ def run_up(duration: float, low: float = MIN_TURN_RATE, high: float = MAX_TURN_R
             else:
                 z = 20 * np.exp(1j * theta) + 5 * np.exp(-2j * theta) + 8 * np.exp(0.5j * theta)
                 moved = (z.real, z.imag)[row] + 0.2 * random.standard_normal(index.size)
-                volts = (450e-6 - MICRO * moved) / METRES_PER_VOLT
+                volts = (450e-6 - MICROMETRE * moved) / METRES_PER_VOLT
             codes[row, index] = np.round(volts / VOLTS_PER_CODE)
     return codes
 

@@ -1,6 +1,5 @@
 """Time to list, search and index ten thousand runs, with SQLite and PostgreSQL."""
 
-import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -11,6 +10,7 @@ import pytest
 
 from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import TimeInRun
+from analysis.signals.units import RPM
 from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.search import Search
@@ -20,7 +20,6 @@ from tests.benchmarks.recorded_samples import bench_blocks, write_run
 from tests.recordings.postgresql import new_schema, server
 
 N_RUNS = 10_000
-RPM = 2 * math.pi / 60
 
 pytestmark = pytest.mark.benchmark
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.signals.header import AnalysisSettings
+from analysis.signals.units import RPM
 from daq.session.prediction.predictor import Predictor
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
@@ -37,7 +38,6 @@ Method = Literal["LSODA", "RK45"]
 
 ROOT = Path(__file__).parents[2]
 ORACLE = ROOT / ".venv-oracle" / "bin" / "python"
-RPM = 2 * math.pi / 60
 SPEEDS = np.arange(100.0, 2001.0, 1900.0 / 78)  # rad/s: 79 speeds over the rig's range
 TURNS = 104
 STEPS = 96

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.signals.header import AnalysisSettings
+from analysis.signals.units import RPM
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.films.capone_kernel import capone_force
@@ -66,7 +67,7 @@ def test_default_map_takes_less_than_30_seconds() -> None:
     compute_prediction_map(gj90c(), np.array([500.0, 510.0]), AnalysisSettings(), lambda _done, _total: None)
     begin = time.process_time()
     found = compute_prediction_map(
-        gj90c(), default_map_speeds(20_000 * math.pi / 30), AnalysisSettings(), lambda _done, _total: None
+        gj90c(), default_map_speeds(20_000 * RPM), AnalysisSettings(), lambda _done, _total: None
     )
     used = time.process_time() - begin
     begin = time.perf_counter()

@@ -13,8 +13,9 @@ from rota import maps, speed
 from analysis.live.analyser import Analyser
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import AnalysisSettings
+from analysis.signals.units import MICROMETRE
 from analysis.vectors.vold_kalman import order_envelopes
-from tests.benchmarks.synthetic_run_up import DURATION, MICRO, RATE, acquisition, order_map_of, run_up
+from tests.benchmarks.synthetic_run_up import DURATION, RATE, acquisition, order_map_of, run_up
 
 pytestmark = pytest.mark.benchmark
 
@@ -38,7 +39,7 @@ def test_order_map_of_a_minute_is_30_times_faster_than_real_time() -> None:
         found = order_map_of(codes)
         used.append(time.process_time() - begin)
     ratio = DURATION / min(used)
-    seen = errors(np.abs(found.spectrum[0]) / MICRO, 16)
+    seen = errors(np.abs(found.spectrum[0]) / MICROMETRE, 16)
     print(
         f"\norder map of {DURATION:.0f} s of 2 channels: {ratio:.0f} times real time; rms errors {np.round(seen, 3)} %"
     )
@@ -66,7 +67,7 @@ def test_order_map_is_9_times_faster_than_rota_at_equal_accuracy() -> None:
     begin = time.process_time()
     found = order_map_of(codes)
     ours = time.process_time() - begin
-    both = np.stack([probes[row].displacement(codes[row]) for row in (0, 1)], axis=1) / MICRO
+    both = np.stack([probes[row].displacement(codes[row]) for row in (0, 1)], axis=1) / MICROMETRE
     tacho = probes[2].volts(codes[2])
     begin = time.process_time()
     rpm = speed.tacho_to_rpm(tacho, RATE, level=2.0, hysteresis=1.0)
@@ -76,7 +77,7 @@ def test_order_map_is_9_times_faster_than_rota_at_equal_accuracy() -> None:
     theirs = time.process_time() - begin
     values = np.abs(np.asarray(theirs_map.values))
     frames = values[:, :, 0] if values.shape[0] != np.size(theirs_map.axis) else values[:, :, 0].T
-    ours_seen, theirs_seen = errors(np.abs(found.spectrum[0]) / MICRO, 16), errors(frames, 16)
+    ours_seen, theirs_seen = errors(np.abs(found.spectrum[0]) / MICROMETRE, 16), errors(frames, 16)
     print(
         f"\n{theirs / ours:.1f} times as fast as rota-order; rms errors {np.round(ours_seen, 3)} %, "
         f"rota {np.round(theirs_seen, 3)} %"

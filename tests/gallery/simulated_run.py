@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from analysis.resampling.angular_record import AngularRecord, angular_record
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
+from analysis.signals.units import MICROMETRE, RPM
 from analysis.spectra.full_spectrum import ProbeMismatch, probe_mismatch
 from analysis.spectra.order_map import OrderMap, order_map
 from analysis.tacho.pulse_record import pulse_record
@@ -21,8 +22,6 @@ from analysis.vectors.runout import SlowRoll, slow_roll
 
 FloatArray = NDArray[np.float64]
 
-MICRO = 1e-6
-RPM = 60.0 / (2.0 * np.pi)
 RATE, DURATION = 40_000.0, 30.0
 MIN_SPEED, MAX_SPEED, CRITICAL, ONSET, LOCK = 700.0, 18_000.0, 8_000.0, 11_000.0, 115.0  # r/min; Hz
 
@@ -44,12 +43,12 @@ class Run:
 
     def at(self, rpm: float, revolutions: int = 128) -> AngularRecord:
         """Return revolutions of the run-up, centred on a speed."""
-        middle = int(np.argmax(self.record.speeds * RPM >= rpm))
+        middle = int(np.argmax(self.record.speeds / RPM >= rpm))
         return self.record.section(middle - revolutions // 2, middle + revolutions // 2)
 
     def samples(self, rpm: float, duration: float) -> slice:
         """Return the samples of the run-up from a speed, for a duration in s."""
-        begin = float(self.record.times[np.argmax(self.record.speeds * RPM >= rpm)])
+        begin = float(self.record.times[np.argmax(self.record.speeds / RPM >= rpm)])
         return slice(int(begin * RATE), int((begin + duration) * RATE))
 
 
@@ -66,15 +65,16 @@ def simulated() -> Run:
     response = ratio**2 / (1 - ratio**2 + 2j * 0.12 * ratio)
     frequency = np.minimum(0.47 * turn_rate, LOCK)
     phase = 2 * np.pi * np.concatenate([[0.0], np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) / RATE)])
-    strength = 12 * MICRO * np.clip((ramp - ONSET) / 1_500.0, 0.0, 1.0)
-    z = 5 * MICRO * response * np.exp(1j * (theta + 0.5)) + 0.8 * MICRO * np.conj(response) * np.exp(-1j * theta)
-    z += 2 * MICRO * ratio / (1 + ratio) * np.exp(1j * (2 * theta + 1.0)) + strength * np.exp(1j * phase)
+    strength = 12 * MICROMETRE * np.clip((ramp - ONSET) / 1_500.0, 0.0, 1.0)
+    z = 5 * MICROMETRE * response * np.exp(1j * (theta + 0.5))
+    z += 0.8 * MICROMETRE * np.conj(response) * np.exp(-1j * theta)
+    z += 2 * MICROMETRE * ratio / (1 + ratio) * np.exp(1j * (2 * theta + 1.0)) + strength * np.exp(1j * phase)
     lift = ramp / MAX_SPEED
-    z += 35 * MICRO * lift**0.5 * np.exp(1j * (0.5 * np.pi - 1.1 * (1 - lift)))
-    surface = 3 * MICRO * np.cos(theta - 2.0) - 5 * MICRO * np.exp(-0.5 * ((turns % 1.0 - 0.62) / 0.02) ** 2)
-    displacement = np.stack([z.real, z.imag]) + surface + 0.15 * MICRO * random.standard_normal((2, time.size))
+    z += 35 * MICROMETRE * lift**0.5 * np.exp(1j * (0.5 * np.pi - 1.1 * (1 - lift)))
+    surface = 3 * MICROMETRE * np.cos(theta - 2.0) - 5 * MICROMETRE * np.exp(-0.5 * ((turns % 1.0 - 0.62) / 0.02) ** 2)
+    displacement = np.stack([z.real, z.imag]) + surface + 0.15 * MICROMETRE * random.standard_normal((2, time.size))
     for place in random.integers(0, time.size, 12):
-        displacement[place % 2, place] += 90 * MICRO
+        displacement[place % 2, place] += 90 * MICROMETRE
     pulses = np.interp(np.arange(1.0, np.floor(turns[-1])), turns, time) + 1e-6 * random.standard_normal(
         int(turns[-1]) - 1
     )
@@ -82,7 +82,7 @@ def simulated() -> Run:
     angle = shaft_angle(pulse_record(pulses, tacho))
     clean = find_glitches(displacement, RATE, angle)
     raw = angular_record(clean.displacement, RATE, angle, ProbePair(0.0, np.pi / 2))
-    roll = slow_roll(raw, 0.9 * MIN_SPEED / RPM, 1.1 * MIN_SPEED / RPM)
+    roll = slow_roll(raw, 0.9 * MIN_SPEED * RPM, 1.1 * MIN_SPEED * RPM)
     record = roll.subtract_waveform(raw)
     frames = order_map(record)
     return Run(

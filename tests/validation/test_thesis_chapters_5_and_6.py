@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.signals.units import MICROMETRE
 from daq.cli.model.report import Part, count_reproduced, report_html
 from model.dynamics.whirl import FilmName
 from model.studies.onset import stability
@@ -166,6 +167,6 @@ def test_spectrum_is_reproduced_with_exactly_the_stated_components(
     assert good == is_right
     assert computed.startswith("1X 2 µm")
     spectrum_plot, trajectory = look.plots(run, "name")
-    assert np.array_equal(spectrum_plot.series[0].y, run.spectrum[1] * 1e6)
-    assert np.array_equal(trajectory.series[0].x, run.orbit[1, 0] * 1e6)
+    assert np.array_equal(spectrum_plot.series[0].y, run.spectrum[1] / MICROMETRE)
+    assert np.array_equal(trajectory.series[0].x, run.orbit[1, 0] / MICROMETRE)
     assert trajectory.is_square

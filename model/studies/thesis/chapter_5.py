@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MILLIMETRE
 from model.linear.linear_system import whirl_modes
 from model.linear.modes import critical_speeds, free_modes, natural_frequencies
 from model.rotor.gj90c import gj90c, gj90c_rotor
@@ -140,7 +141,7 @@ def _shapes(parameters: ModelParameters, stiffness: float) -> tuple[Plot, ...]:
             shape = modes.shapes[index, 0]
             scaled = np.real(shape / shape[int(np.argmax(np.abs(shape)))])
             hertz = f"{abs(modes.frequencies[index]) / (2 * math.pi):,.1f} Hz"
-            series.append(Series(hertz, parameters.rotor.positions * 1e3, np.asarray(scaled)))
+            series.append(Series(hertz, parameters.rotor.positions / MILLIMETRE, np.asarray(scaled)))
         title = f"{name} modes at {MAX_SPEED:,.0f} rad/s, springs of {stiffness:.0e} N/m"
         plots.append(
             Plot(title, "Position along the shaft [mm]", "Displacement, maximum 1", tuple(series), y_limits=(-1.1, 1.1))

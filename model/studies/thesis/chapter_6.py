@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.units import MICROMETRE
 from model.dynamics.whirl import FilmName
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
@@ -303,9 +304,9 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
 
     both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.imbalance_fraction < 1]
     ordered = sum(inner < outer for inner, outer in both)
-    largest = [float(np.nanmax(by_name[name].peak_to_peak)) * 1e6 for name in viscosity]
+    largest = [float(np.nanmax(by_name[name].peak_to_peak)) / MICROMETRE for name in viscosity]
     outer_at = np.flatnonzero(by_name[base].speeds == by_name[base].onset(OUTER))
-    overall = by_name[base].peak_to_peak * 1e6
+    overall = by_name[base].peak_to_peak / MICROMETRE
     grows = bool(outer_at.size) and float(np.nanmax(overall[outer_at[0] :])) > 2 * float(overall[outer_at[0] - 1])
     return [
         trend("more imbalance delays the inner film's whirl", imbalance, INNER, 1),
@@ -337,7 +338,7 @@ def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[tuple[str, tuple[Pl
         waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
         bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")
         if case.imbalance_fraction == 1:  # scales without the resonance
-            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANCE_LIMIT])) * 1e6
+            below = float(np.nanmax(one.run.peak_to_peak[one.run.speeds <= RESONANCE_LIMIT])) / MICROMETRE
             waterfall = replace(waterfall, z_limits=(waterfall.z_limits[0], below))
             bifurcation = replace(bifurcation, y_limits=(-below, below))
             at += UNDAMPED_NOTE

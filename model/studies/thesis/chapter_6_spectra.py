@@ -6,6 +6,7 @@ from enum import Enum
 
 import numpy as np
 
+from analysis.signals.units import MICROMETRE
 from model.dynamics.whirl import FilmName
 from model.studies.run_up import MIN_AMPLITUDE, VISIBLE_RATIO, RunUp
 from model.studies.study import Plot, Series, Style
@@ -61,8 +62,8 @@ class Spectrum:
         threshold = max(VISIBLE_RATIO * float(found.spectrum[row].max()), MIN_AMPLITUDE)
         sizes = {one: self.size(found, one) for one in Component}
         visible = {one: size > threshold for one, (_, size) in sizes.items()}
-        parts = [f"{order:.2f}X {size * 1e6:.3g} µm" for one, (order, size) in sizes.items() if visible[one]]
-        reference_equilibrium = ", ".join([f"1X {found.first_order[row] * 1e6:.3g} µm", *parts])
+        parts = [f"{order:.2f}X {size / MICROMETRE:.3g} µm" for one, (order, size) in sizes.items() if visible[one]]
+        reference_equilibrium = ", ".join([f"1X {found.first_order[row] / MICROMETRE:.3g} µm", *parts])
         return all(visible[one] == (one in self.stated) for one in Component), reference_equilibrium
 
     def size(self, found: RunUp, component: Component) -> tuple[float, float]:
@@ -75,8 +76,8 @@ class Spectrum:
         """Return plots of spectrum and trajectory of a run-up."""
         row = self._row(found)
         at = f"at {self.speed:,.0f} rad/s, {name}"
-        spectrum = Series("", found.orders, found.spectrum[row] * 1e6)
-        x, y = found.orbit[row] * 1e6
+        spectrum = Series("", found.orders, found.spectrum[row] / MICROMETRE)
+        x, y = found.orbit[row] / MICROMETRE
         return (
             Plot(f"Spectrum {at}", "Frequency over the shaft's speed [X]", "Amplitude in X [µm peak]", (spectrum,)),
             Plot(f"Trajectory {at}", "X [µm]", "Y [µm]", (Series("", x, y, Style.LINE),), is_square=True),

@@ -6,6 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
+from analysis.signals.units import RPM
 from model.prediction.prediction_map import (
     PredictionMap,
     compute_prediction_map,
@@ -124,7 +125,7 @@ def test_speeds_that_do_not_rise_are_refused(speeds: list[float]) -> None:
 
 
 def test_default_speeds_reach_the_rigs_limit_in_steps_of_250_rpm() -> None:
-    rpm = default_map_speeds(20_000 * math.pi / 30) * 30 / math.pi
+    rpm = default_map_speeds(20_000 * RPM) / RPM
     assert rpm[[0, -1]] == pytest.approx([500, 20_000])
     assert np.diff(rpm) == pytest.approx(np.full(rpm.size - 1, 250.0))
     with pytest.raises(ValueError, match="highest: 10 rad/s, expected more than"):

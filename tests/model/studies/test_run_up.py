@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.whirl import FilmName
@@ -99,7 +100,7 @@ def test_motion_study_lists_stations_orbit_spectrum_and_poincare_section(default
         return motion_study(default, 1600.0, 3, 40, 16, seed=DEFAULT_SEED, table=table).rows()
 
     stepped = SteppedMotion(default, DEFAULT_SEED)
-    path = stepped.settle_at(1600.0, 40).record(16).stations[2] * 1e6
+    path = stepped.settle_at(1600.0, 40).record(16).stations[2] / MICROMETRE
     orbit = np.array([[row["x_um"], row["y_um"]] for row in listed(MotionTable.ORBIT)], float)
     assert np.array_equal(orbit.T, path[:, -8 * STEPS_PER_TURN :])
     points = np.array([[row["x_um"], row["y_um"]] for row in listed(MotionTable.POINCARE)], float)

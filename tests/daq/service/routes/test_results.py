@@ -15,7 +15,7 @@ import pytest
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role
 from analysis.signals.snapshot import Snapshot
-from analysis.signals.units import RPM
+from analysis.signals.units import MICROMETRE, RPM
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.schemas.summary import summary_schema
@@ -169,7 +169,7 @@ def test_samples_equal_the_file_in_every_format_and_unit(bench: RecordedBench, p
     assert (document["first_sample"], document["samples"], document["rate_hz"]) == (20_000, 200, 20_000.0)
     assert [channel["values"] for channel in document["channels"]] == codes.tolist()
     archive = np.load(io.BytesIO(bench.get("/samples", **stretch, format="npz").content))
-    np.testing.assert_array_equal(archive["channel:x"], x.displacement(codes[0]) * 1e6)
+    np.testing.assert_array_equal(archive["channel:x"], x.displacement(codes[0]) / MICROMETRE)
     assert dict(archive["about"].tolist())["unit:x"] == "µm"
     arrow = bench.get("/samples", {"Accept": "application/vnd.apache.arrow.stream"}, **stretch, unit="volts")
     ipc: Any = import_module("pyarrow.ipc")
