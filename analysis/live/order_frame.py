@@ -7,9 +7,10 @@ from analysis.resampling.decimation import DecimationPyramid
 from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.signals.header import Acquisition, AnalysisSettings, Role
 from analysis.signals.probes import ProbePair
-from analysis.signals.snapshot import OrderFrame, RunOut
-from analysis.signals.uncertainty import noise_floor_sigma
+from analysis.signals.snapshot import OrderFrame, RunOut, Whirl
+from analysis.signals.uncertainty import mean_angle_sigma, noise_floor_sigma
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
+from analysis.spectra.windows import HANN, WINDOWS, Window
 from analysis.tacho.edge_reader import MAX_TIMESTAMP_DELAY
 from analysis.tacho.shaft_angle import SmoothAngle
 from analysis.vectors.runout import RunOutEstimator
@@ -19,7 +20,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 MIN_TURN_RATE = 1.0  # revolutions per second: no frame below 60 r/min
-FLOOR_LINES = 6  # lines on either side of an order, from the third on, for the noise floor, as in `order_track`
+FLOOR_LINES = 6  # lines on either side of an order, beyond the main lobe, for the noise floor, as in `order_track`
 SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a frame
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
 
@@ -37,7 +38,7 @@ class OrderFrameBuilder:
     acquisition : Acquisition
         Rates, multiplexer and probes.
     settings : AnalysisSettings
-        Revolutions, points and orders.
+        Revolutions, points, orders and window.
     """
 
     def __init__(self, acquisition: Acquisition, settings: AnalysisSettings) -> None:
@@ -45,6 +46,12 @@ class OrderFrameBuilder:
             raise ValueError(
                 f"settings: {settings.revolutions} revolutions of {settings.points_per_revolution} points to order "
                 f"{settings.highest_order}, expected at least 4 revolutions of 4 points to order 2"
+            )
+        self._window = WINDOWS[settings.window]
+        if settings.revolutions < self._window.min_revolutions:
+            raise ValueError(
+                f"settings: {settings.revolutions} revolutions with the window {settings.window}, expected at least "
+                f"{self._window.min_revolutions}"
             )
         self._settings = settings
         self._rate = acquisition.rate
@@ -112,16 +119,16 @@ class OrderFrameBuilder:
         settings = self._settings
         revolutions = settings.revolutions
         waveform = waveform - waveform.mean(axis=1, keepdims=True)
-        orders, spectrum = order_spectrum(waveform, revolutions)
+        orders, spectrum = order_spectrum(waveform, revolutions, self._window)
         wanted = int(np.searchsorted(orders, settings.highest_order, side="right"))
         orders, spectrum = orders[:wanted], spectrum[:, :wanted]
-        noise = noise_floor(spectrum, revolutions)
+        noise = noise_floor(spectrum, revolutions, self._window)
         halves = np.diff(edges)
         speeds = np.pi * revolutions / halves  # mean of each half
         orbit = waveform[:, -min(settings.orbit_revolutions, revolutions) * self._points :: self._stride]
         orbit = orbit - orbit.mean(axis=1, keepdims=True)
         speed = float(2.0 * np.pi * revolutions / halves.sum())
-        floors = [_floor_beside(spectrum, revolutions, order, noise) for order in (1, 2)]
+        floors = [_floor_beside(spectrum, revolutions, order, noise, self._window) for order in (1, 2)]
         sigma = noise_floor_sigma(np.array(floors))
         multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
         runout = self._runout.update(speed, multiples, sigma)
@@ -132,13 +139,21 @@ class OrderFrameBuilder:
             spectrum=spectrum,
             vectors=multiples[:2],
             noise=noise,
-            whirls=find_whirls(spectrum, revolutions, noise, self._pair, jitter * speed),
+            whirls=self._whirls(waveform, spectrum, noise, jitter * speed),
             orbit=self._pair.to_bench(orbit),
             sigma=sigma,
-            angle_sigma=jitter * speed * float(np.sqrt(1.5 / revolutions)),
+            angle_sigma=float(mean_angle_sigma(np.asarray(speed), jitter, revolutions, self._window.noise_bandwidth)),
             runout=runout,
             compensated_orbit=self._compensated_orbit(orbit, runout),
         )
+
+    def _whirls(self, waveform: FloatArray, spectrum: ComplexArray, noise: float, scatter: float) -> tuple[Whirl, ...]:
+        """Return the components below 1X, from the spectrum if it is a Hann spectrum, else from one for the search."""
+        revolutions = self._settings.revolutions
+        if self._window != HANN:
+            spectrum = order_spectrum(waveform, revolutions)[1][:, : spectrum.shape[1]]
+            noise = noise_floor(spectrum, revolutions)
+        return find_whirls(spectrum, revolutions, noise, self._pair, scatter)
 
     def _compensated_orbit(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
         """Return the orbit at the probes minus run-out, in bench axes; None where not requested or unknown."""
@@ -149,7 +164,7 @@ class OrderFrameBuilder:
         return self._pair.to_bench(orbit - np.tile(runout.waveform(points), (1, turns)))
 
 
-def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: float) -> float:
+def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: float, window: Window) -> float:
     """Return the median amplitude of the lines beside a whole order, clear of the lobes of whole orders, m peak.
 
     Parameters
@@ -160,9 +175,12 @@ def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: f
         Revolutions in the frame, and the whole order.
     noise : float
         Median over all orders, m peak, used where a frame of few revolutions has no such line.
+    window : Window
+        Window of the spectrum.
     """
-    away = np.arange(3, 3 + FLOOR_LINES)
+    side = len(window.side_lines)  # lines on either side that a component on a line reaches
+    away = np.arange(window.main_lobe + 1, window.main_lobe + 1 + FLOOR_LINES)
     lines = order * revolutions + np.concatenate([-away, away])
-    clear = np.abs((lines + revolutions // 2) % revolutions - revolutions // 2) > 1
-    lines = lines[clear & (lines > 1) & (lines < spectrum.shape[1])]
+    clear = np.abs((lines + revolutions // 2) % revolutions - revolutions // 2) > side
+    lines = lines[clear & (lines > side) & (lines < spectrum.shape[1])]
     return quantile(np.abs(spectrum[:, lines]), 0.5) if lines.size else noise

@@ -266,6 +266,14 @@ class RunOutSettings:
         return bool(self.vectors) or self.slow_roll_speed > 0.0
 
 
+class WindowName(StrEnum):
+    """Window of a spectrum; `analysis.spectra.windows` holds the constants of each."""
+
+    HANN = "hann"
+    FLAT_TOP = "flat top"
+    UNIFORM = "uniform"
+
+
 @dataclass(frozen=True, slots=True)
 class AnalysisSettings:
     """Settings of the order analysis, the same live and in replay.
@@ -284,6 +292,8 @@ class AnalysisSettings:
         Revolutions of the orbit.
     runout : RunOutSettings
         Run-out compensation.
+    window : WindowName
+        Window of the order spectra and of 1X and 2X; the search below 1X always uses the Hann window.
     """
 
     update_interval: float = 0.1
@@ -292,6 +302,7 @@ class AnalysisSettings:
     highest_order: float = 8.0
     orbit_revolutions: int = 4
     runout: RunOutSettings = RunOutSettings()
+    window: WindowName = WindowName.HANN
 
 
 class Severity(StrEnum):

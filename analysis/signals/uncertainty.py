@@ -1,4 +1,4 @@
-"""Standard deviations of the amplitude, phase and order of spectral lines.
+"""Standard deviations of the amplitude and phase of spectral lines.
 
 Noise in a spectrum is assumed complex normal: its amplitudes are Rayleigh distributed, with a median of 1.1774 times
 the standard deviation of the real or imaginary part. Systematic errors are not included: tacho delay, probe
@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of the real or imaginary part
-NEIGHBOUR_CORRELATION = 2.0 / 3.0  # of the noise of two adjacent Hann lines, each along its own phase
-MIN_AMPLITUDE = 1e-100  # in any unit: smaller amplitudes are no line
 
 
 def noise_floor_sigma(floor: FloatArray) -> FloatArray:
     """Return the standard deviation of a line's amplitude from the median ``floor`` of the neighbouring lines.
 
     For white noise of rms sigma_x this is sigma_x sqrt(2 B / N) with N samples in the frame and a noise bandwidth of B
-    lines, 1.5 for the Hann window (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
+    lines (A. Brandt, Noise and Vibration Analysis, 2011, ch. 9).
     """
     return np.asarray(floor / RAYLEIGH_MEDIAN, dtype=np.float64)
 
@@ -72,8 +70,8 @@ def independent_frames(weights: FloatArray, step: int, frames: int, *, of_power:
     return float(frames / (1.0 + 2.0 * np.sum((1.0 - lags / frames) * alike)))
 
 
-def mean_angle_sigma(speeds: FloatArray, jitter: float, revolutions: int) -> FloatArray:
-    """Return the standard deviation of the shaft angle, averaged by a Hann window over many revolutions, rad.
+def mean_angle_sigma(speeds: FloatArray, jitter: float, revolutions: int, noise_bandwidth: float) -> FloatArray:
+    """Return the standard deviation of the shaft angle, averaged by a window over many revolutions, rad.
 
     Parameters
     ----------
@@ -83,31 +81,11 @@ def mean_angle_sigma(speeds: FloatArray, jitter: float, revolutions: int) -> Flo
         Standard deviation of the pulse times, independent of one another, s.
     revolutions : int
         Revolutions in a frame, with one pulse each.
+    noise_bandwidth : float
+        Equivalent noise bandwidth B of the window, lines.
 
     Notes
     -----
-    The window averages independent errors as it averages noise: jitter sqrt(1.5 / revolutions).
+    The window averages independent errors as it averages noise: jitter sqrt(B / revolutions).
     """
-    return np.asarray(speeds * jitter * np.sqrt(1.5 / revolutions), dtype=np.float64)
-
-
-def order_sigma(peak: FloatArray, neighbour: FloatArray, sigma: FloatArray, revolutions: int) -> FloatArray:
-    """Return the standard deviation of an order that is interpolated between two lines of a Hann window.
-
-    Parameters
-    ----------
-    peak, neighbour : ndarray of float64
-        Amplitudes A of the peak line and B of its larger neighbour.
-    sigma : ndarray of float64
-        Standard deviation of one line, in the same unit.
-    revolutions : int
-        Revolutions in the frame.
-
-    Notes
-    -----
-    delta = (2B - A) / (A + B) lines; its variance is 9 (A² + B² - 2 rho A B) sigma² / (A + B)^4, where rho = 2/3 is the
-    correlation of the noise of the two lines, each along its own phase.
-    """
-    spread = peak**2 + neighbour**2 - 2.0 * NEIGHBOUR_CORRELATION * peak * neighbour
-    total = np.maximum(peak + neighbour, MIN_AMPLITUDE)
-    return np.asarray(3.0 * np.sqrt(spread) / total * (sigma / total) / revolutions, dtype=np.float64)
+    return np.asarray(speeds * jitter * np.sqrt(noise_bandwidth / revolutions), dtype=np.float64)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.uncertainty import noise_floor_sigma
+from analysis.spectra.windows import HANN
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -20,7 +21,7 @@ MAINS_FREQUENCIES = (50.0, 60.0)  # Hz
 MAX_MAINS_OFFSET = 0.6  # Hz, of the highest line from the mains frequency, for a resolution of about 1 s
 SEARCH_WIDTH = 5.0  # Hz on either side of the mains frequency
 SEARCH_STEP = 0.1  # Hz
-SKIRT_LINES = 2.5  # lines on either side of the mains line that the window's main lobe covers
+SKIRT_LINES = HANN.main_lobe + 0.5  # lines on either side of the mains line that the window's main lobe covers
 BASE_RATE = 100.0  # Hz, of the signal shifted down by a mains frequency: the search width lies well below
 ORDERS = (1, 2, 3, 4)  # of the shaft that are subtracted
 MIN_SEPARABLE_ENERGY = 0.5  # fraction of a mains line's energy that is no linear combination of shaft orders

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from analysis.signals.probes import require_displacement
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.frequency_spectrum import FrequencyFrames
-from analysis.spectra.order_map import Window
+from analysis.spectra.windows import HANN, Window
 from analysis.tacho.shaft_angle import ShaftAngle
 
 FloatArray = NDArray[np.float64]
@@ -74,7 +74,7 @@ def frequency_map(
     resolution: float = 2.0,
     overlap: float = 0.5,
     highest: float | None = None,
-    window: Window = Window.HANN,
+    window: Window = HANN,
 ) -> FrequencyMap:
     """Return the frequency spectra of a record.
 

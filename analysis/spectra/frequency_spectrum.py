@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.signals.uncertainty import independent_frames
-from analysis.spectra.order_map import Window
+from analysis.spectra.windows import HANN, Window
 
 FloatArray = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class FrequencySpectrum:
 
 
 def frequency_spectrum(
-    waveform: FloatArray, rate: float, *, resolution: float = 1.0, overlap: float = 0.5, window: Window = Window.HANN
+    waveform: FloatArray, rate: float, *, resolution: float = 1.0, overlap: float = 0.5, window: Window = HANN
 ) -> FrequencySpectrum:
     """Return the averaged amplitude spectrum of a waveform.
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.probes import ProbePair
+from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_map import OrderMap
 
 FloatArray = NDArray[np.float64]
@@ -161,7 +162,7 @@ def probe_mismatch(order_map: OrderMap) -> ProbeMismatch:
         return ProbeMismatch(0.0, 0.0, np.nan, is_determined=False, components=int(lines.size))
     ratio = np.sum(other * np.conj(main), axis=0) / energy  # -(g + i s) / 2 forward, -(g - i s) / 2 backward
     ratio = np.where(with_shaft, ratio, np.conj(ratio))
-    floor = order_map.noise[:, None] / np.sqrt(2.0 * np.log(2.0))
+    floor = noise_floor_sigma(order_map.noise)[:, None]
     variance = np.sum((floor * np.abs(main)) ** 2, axis=0) / energy**2
     weight = 1.0 / (variance + LINE_UNCERTAINTY**2)
     mean = complex(np.sum(weight * ratio) / np.sum(weight))

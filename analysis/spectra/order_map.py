@@ -1,6 +1,6 @@
 """Order map: order spectra of successive frames of whole revolutions through a record.
 
-Also the frames themselves, with their speeds, times and uncertainties, and the spectral windows and scalings.
+Also the frames themselves, with their speeds, times and uncertainties, and the scalings.
 """
 
 import math
@@ -10,29 +10,17 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal.windows import flattop
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.probes import ProbePair
-from analysis.signals.uncertainty import independent_frames, mean_angle_sigma
-from analysis.spectra.order_spectrum import hann
+from analysis.signals.uncertainty import mean_angle_sigma
+from analysis.spectra.windows import HANN, Window
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 CHUNK_FRAMES = 128
-HANN_POINTS = 8  # per revolution, of the window from which the correlation of overlapping frames is computed
-
-
-def independent_hann_frames(revolutions: int, step: int, count: int) -> float:
-    """Return the number of independent frames that overlapping Hann frames, whole revolutions apart, are worth.
-
-    Notes
-    -----
-    P. Welch, IEEE Trans. Audio Electroacoust. 15, 1967.
-    """
-    return independent_frames(hann(HANN_POINTS * revolutions), HANN_POINTS * step, count)
 
 
 class RevolutionFrames:
@@ -46,6 +34,8 @@ class RevolutionFrames:
         Revolutions in a frame, at least 1.
     overlap : float
         Overlap of successive frames, 0 to below 1; the step is whole revolutions.
+    window : Window
+        Weighting of the frames.
 
     Raises
     ------
@@ -53,7 +43,7 @@ class RevolutionFrames:
         The record has fewer revolutions than a frame.
     """
 
-    def __init__(self, record: AngularRecord, revolutions: int, overlap: float) -> None:
+    def __init__(self, record: AngularRecord, revolutions: int, overlap: float, window: Window) -> None:
         if revolutions < 1 or not 0.0 <= overlap < 1.0:
             raise ValueError(
                 f"revolutions {revolutions}, overlap {overlap}: expected at least 1, and a part from 0 to below 1"
@@ -64,6 +54,7 @@ class RevolutionFrames:
             )
         self.revolutions = revolutions
         self._record = record
+        self._noise_bandwidth = window.noise_bandwidth
         self.step = max(round(revolutions * (1.0 - overlap)), 1)
         self._starts = np.arange(0, record.revolutions - revolutions + 1, self.step)
         self._begin, self._end = record.times[self._starts], record.times[self._starts + revolutions]
@@ -113,27 +104,7 @@ class RevolutionFrames:
     @property
     def angle_sigma(self) -> FloatArray:
         """Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad, shape (n,)."""
-        return mean_angle_sigma(self.speeds, self._record.angle_jitter, self.revolutions)
-
-
-class Window(StrEnum):
-    """Window that weights a frame."""
-
-    HANN = "hann"  # resolves lines two bins apart; between two bins up to 15 % low
-    FLAT_TOP = "flat top"  # within 0.1 % at any order; lines must be five bins apart (ISO 18431-2)
-    UNIFORM = "uniform"  # exact for whole orders only; all others leak
-
-    def weights(self, n: int) -> FloatArray:
-        """Return ``n`` weights that sum to 1."""
-        if self is Window.HANN:
-            return hann(n)
-        weights = flattop(n, sym=False) if self is Window.FLAT_TOP else np.ones(n)
-        return np.asarray(weights / weights.sum(), dtype=np.float64)
-
-    @property
-    def noise_bandwidth(self) -> float:
-        """Equivalent noise bandwidth, bins (A. Brandt, Noise and Vibration Analysis, 2011, table 9.2)."""
-        return {Window.HANN: 1.5, Window.FLAT_TOP: 3.7702, Window.UNIFORM: 1.0}[self]
+        return mean_angle_sigma(self.speeds, self._record.angle_jitter, self.revolutions, self._noise_bandwidth)
 
 
 class Scaling(StrEnum):
@@ -204,7 +175,7 @@ def order_map(
     revolutions: int = 16,
     overlap: float = 0.75,
     highest_order: float = 8.0,
-    window: Window = Window.HANN,
+    window: Window = HANN,
 ) -> OrderMap:
     """Return the order spectra of a record.
 
@@ -235,7 +206,7 @@ def order_map(
     """
     if not 0.0 < highest_order <= record.highest_order:
         raise ValueError(f"highest order {highest_order}: expected above 0 to {record.highest_order}")
-    frames = RevolutionFrames(record, revolutions, overlap)
+    frames = RevolutionFrames(record, revolutions, overlap, window)
     weights = window.weights(revolutions * record.points)
     lines = int(highest_order * revolutions + 1e-9) + 1
     spectrum = np.empty((2, len(frames), lines), dtype=np.complex128)
@@ -246,7 +217,7 @@ def order_map(
     return OrderMap(
         orders=np.arange(lines) / revolutions,
         spectrum=spectrum,
-        noise=_floors(spectrum, revolutions),
+        noise=_floors(spectrum, window.clear_lines(lines, revolutions)),
         speeds=frames.speeds,
         accelerations=frames.accelerations,
         times=frames.times,
@@ -260,15 +231,13 @@ def order_map(
     )
 
 
-def _floors(spectrum: ComplexArray, revolutions: int) -> FloatArray:
+def _floors(spectrum: ComplexArray, between: NDArray[np.bool_]) -> FloatArray:
     """Return the median amplitude between the lines of each frame, as `whirl.components.noise_floor` does, m peak."""
-    bins = np.arange(spectrum.shape[-1])
-    distance = np.abs(bins - revolutions * np.round(bins / revolutions))
-    between = np.flatnonzero(distance > min(2, revolutions // 2 - 1))
-    if not between.size:
+    lines = np.flatnonzero(between)
+    if not lines.size:
         return np.zeros(spectrum.shape[1])
     floors = [
-        np.median(np.abs(spectrum[:, begin : begin + CHUNK_FRAMES, between]), axis=(0, 2))
+        np.median(np.abs(spectrum[:, begin : begin + CHUNK_FRAMES, lines]), axis=(0, 2))
         for begin in range(0, spectrum.shape[1], CHUNK_FRAMES)
     ]
     return np.concatenate(floors)

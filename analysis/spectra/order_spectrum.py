@@ -1,30 +1,21 @@
 """Order spectra of waveforms sampled uniformly in shaft angle.
 
-Conventions: periodic Hann window; zero-to-peak amplitudes; phases referred to the first sample, so that
+Conventions: zero-to-peak amplitudes; phases referred to the first sample, so that
 x(theta) = Re[X exp(i k theta)] where the first sample lies at theta = 0. A frame of N whole revolutions has lines 1 / N
-of an order apart. A component on a line is exact; two components must be two lines apart.
+of an order apart. A component on a line is exact; two components must be a main lobe of the window apart.
 """
-
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from analysis.spectra.windows import HANN, Window
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 
-@lru_cache(maxsize=16)
-def hann(n: int) -> FloatArray:
-    """Return the periodic Hann window of ``n`` points, scaled to a sum of 1 (shared: read only)."""
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
-    window /= window.sum()
-    window.flags.writeable = False
-    return window
-
-
-def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, ComplexArray]:
-    """Return the Hann-windowed order spectrum of whole revolutions.
+def order_spectrum(waveform: FloatArray, revolutions: int, window: Window = HANN) -> tuple[FloatArray, ComplexArray]:
+    """Return the order spectrum of whole revolutions.
 
     Parameters
     ----------
@@ -32,6 +23,8 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
         Samples uniformly in angle over ``revolutions`` whole revolutions, the first at theta = 0, any unit.
     revolutions : int
         Number of revolutions of the n samples; at least 1, with at least 2 samples per revolution.
+    window : Window
+        Weighting.
 
     Returns
     -------
@@ -58,7 +51,7 @@ def order_spectrum(waveform: FloatArray, revolutions: int) -> tuple[FloatArray, 
     if not np.isfinite(waveform).all():
         raise ValueError("waveform: holds values that are not finite")
     n = waveform.shape[-1]
-    spectrum = 2.0 * np.fft.rfft(waveform * hann(n), axis=-1)
+    spectrum = 2.0 * np.fft.rfft(waveform * window.weights(n), axis=-1)
     spectrum[..., 0] *= 0.5
     if n % 2 == 0:
         spectrum[..., -1] *= 0.5  # the Nyquist line has no mirror image either

@@ -14,8 +14,7 @@ from analysis.resampling.decimation import DecimationPyramid
 from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
 from analysis.signals.header import Acquisition
 from analysis.signals.probes import require_displacement
-from analysis.signals.uncertainty import order_sigma
-from analysis.spectra.order_spectrum import hann
+from analysis.spectra.windows import HANN
 from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
 
 FloatArray = NDArray[np.float64]
@@ -113,7 +112,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     for row, start in enumerate(starts):
         frame = displacement[:, start : start + n]
         frame = frame - frame.mean(axis=1, keepdims=True)
-        lines = 2.0 * np.fft.rfft(frame * hann(n))[:, first - 1 : last + 2]
+        lines = 2.0 * np.fft.rfft(frame * HANN.weights(n))[:, first - 1 : last + 2]
         size[row] = np.sqrt(np.sum(np.abs(lines[:, 1:-1]) ** 2, axis=0))
     path = _ridge(np.log(np.maximum(size, 1e-300)))
     return _read(size, path, first, starts, n, rate)
@@ -184,15 +183,16 @@ def _read(
     up = size[frame, at + 1] > size[frame, at - 1]
     beside = np.where(up, size[frame, at + 1], size[frame, at - 1])
     peak = np.maximum(size[frame, at], 1e-300)
-    delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / (peak + beside), -1.0, 1.0)
-    away = np.abs(np.arange(size.shape[1]) - at[:, None]) > 4
+    delta = np.clip(np.where(up, 1.0, -1.0) * HANN.interpolation.offset(peak, beside), -1.0, 1.0)
+    away = np.abs(np.arange(size.shape[1]) - at[:, None]) > 2 * HANN.main_lobe
     other = np.where(away, size, 0.0).max(axis=1)
     floor = np.array([np.median(row[clear]) if clear.any() else 0.0 for row, clear in zip(size, away, strict=True)])
     ratio = peak / np.maximum(np.maximum(other, 3.0 * floor), 1e-300)
     line_width = 2.0 * np.pi * rate / n
+    offset_sigma = HANN.interpolation.offset_sigma(peak, beside, floor / TWO_PROBES_MEDIAN)
     return RidgeSpeed(
         times=np.asarray((starts + 0.5 * n) / rate, dtype=np.float64),
         speeds=(first + at + delta) * line_width,
-        sigma=line_width * np.maximum(order_sigma(peak, beside, floor / TWO_PROBES_MEDIAN, 1), MIN_SIGMA),
+        sigma=line_width * np.maximum(offset_sigma, MIN_SIGMA),
         confidence=np.where(np.isfinite(ratio), ratio**2 / (ratio**2 + RATIO_AT_HALF_CONFIDENCE**2), 1.0),
     )

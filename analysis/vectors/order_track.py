@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
 from analysis.spectra.order_map import RevolutionFrames
-from analysis.spectra.order_spectrum import hann
+from analysis.spectra.windows import HANN
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 MAX_NOISE_RATIO = 3.0  # of a line to the median; one noise line in 500 is larger
-FLOOR_LINES = 6  # lines on either side of the order, from the third on, for the noise floor
+FLOOR_LINES = 6  # lines on either side of the order, beyond the main lobe, for the noise floor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +96,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
         raise ValueError(
             f"order {order}, revolutions {revolutions}: expected above 0 to {record.highest_order}, at least 4"
         )
-    frames = RevolutionFrames(record, revolutions, overlap)
+    frames = RevolutionFrames(record, revolutions, overlap, HANN)
     lines = _lines(order, revolutions)
     kernel = _kernel(lines, revolutions * record.points, record.points)
     found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
@@ -120,10 +120,10 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
 
 def _lines(order: float, revolutions: int) -> FloatArray:
     """Return the order and the lines beside it for the noise floor, clear of the whole orders where possible."""
-    away = np.arange(3, 3 + FLOOR_LINES) / revolutions
+    away = np.arange(HANN.main_lobe + 1, HANN.main_lobe + 1 + FLOOR_LINES) / revolutions
     beside = np.concatenate([order - away, order + away])
-    beside = beside[beside > 1.5 / revolutions]
-    clear = np.abs(beside - np.round(beside)) * revolutions > 1.99
+    beside = beside[beside > (HANN.main_lobe - 0.5) / revolutions]
+    clear = np.abs(beside - np.round(beside)) * revolutions > HANN.main_lobe - 0.01
     return np.concatenate([[order], beside[clear] if clear.any() else beside])
 
 
@@ -136,5 +136,5 @@ def _floor(sizes: FloatArray) -> FloatArray:
 def _kernel(lines: FloatArray, points: int, points_per_turn: int) -> ComplexArray:
     """Return the matrix that gives the lines of a frame, shape (points, n_lines)."""
     theta = 2.0 * np.pi * np.arange(points) / points_per_turn
-    kernel = 2.0 * hann(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
-    return np.asarray(kernel - hann(points)[:, None] * kernel.sum(axis=0))  # makes a constant vanish
+    kernel = 2.0 * HANN.weights(points)[:, None] * np.exp(-1j * theta[:, None] * lines)
+    return np.asarray(kernel - HANN.weights(points)[:, None] * kernel.sum(axis=0))  # makes a constant vanish

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.ramp import RampDirection
-from analysis.spectra.order_map import independent_hann_frames
+from analysis.spectra.windows import HANN
 from analysis.vectors.order_track import OrderTrack
 
 FloatArray = NDArray[np.float64]
@@ -131,7 +131,7 @@ def _curve(track: OrderTrack, chosen: NDArray[np.bool_], direction: RampDirectio
     frames = np.empty(bins.size, dtype=np.int64)
     for column, one in enumerate(bins):
         here = np.flatnonzero(chosen & (number == one))
-        independent = independent_hann_frames(track.revolutions, track.step, here.size)
+        independent = HANN.independent_frames(track.revolutions, track.step, here.size)
         of_bin = track.vectors[:, here]
         mean = of_bin.mean(axis=1)
         scatter = np.sqrt(0.5 * np.mean(np.abs(of_bin - mean[:, None]) ** 2, axis=1))

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
-from analysis.signals.uncertainty import noise_floor_sigma, order_sigma
+from analysis.signals.uncertainty import noise_floor_sigma
+from analysis.spectra.windows import HANN, Window
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -23,8 +24,8 @@ MIN_TO_STRONGER_NEARBY, NEARBY_LINES = 0.25, 4.0  # the same for a component wit
 _QUARTILE_TO_MEDIAN = 1.552  # of the Rayleigh distribution that the lines of noise have
 
 
-def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
-    """Return the median amplitude of the lines two or more away from every whole order and from 0, m peak.
+def noise_floor(spectrum: ComplexArray, revolutions: int, window: Window = HANN) -> float:
+    """Return the median amplitude of the lines clear of every whole order and of 0, m peak.
 
     Parameters
     ----------
@@ -32,14 +33,14 @@ def noise_floor(spectrum: ComplexArray, revolutions: int) -> float:
         From `analysis.spectra.order_spectrum.order_spectrum`.
     revolutions : int
         Revolutions in its frame.
+    window : Window
+        Its window.
 
     Notes
     -----
     Noise lines have Rayleigh distributed amplitudes with a median of 1.1774 sigma: `noise_floor_sigma`.
     """
-    bins = np.arange(spectrum.shape[-1])
-    distance = np.abs(bins - revolutions * np.round(bins / revolutions))
-    between = spectrum[:, distance > min(2, revolutions // 2 - 1)]
+    between = spectrum[:, window.clear_lines(spectrum.shape[-1], revolutions)]
     return quantile(np.abs(between), 0.5) if between.size else 0.0
 
 
@@ -65,11 +66,12 @@ def without_synchronous(spectrum: ComplexArray, revolutions: int) -> ComplexArra
     -----
     A periodic Hann window has three lines, 1/2, -1/4 and -1/4 (F. Harris, Proc. IEEE 66, 1978).
     """
-    rest = spectrum[..., : revolutions + 3].copy()
+    rest = spectrum[..., : revolutions + HANN.main_lobe + 1].copy()
     line = spectrum[..., revolutions]
     rest[..., revolutions] = 0.0
-    rest[..., revolutions - 1] += 0.5 * line
-    rest[..., revolutions + 1] += 0.5 * line
+    for away, side in enumerate(HANN.side_lines, 1):
+        rest[..., revolutions - away] -= side * line
+        rest[..., revolutions + away] -= side * line
     return rest
 
 
@@ -162,18 +164,17 @@ class ComponentSearch:
         frame = np.arange(size.shape[0])
         up = size[frame, line + 1] > size[frame, line - 1]
         peak, beside = size[frame, line], size[frame, np.where(up, line + 1, line - 1)]
-        total = np.maximum(peak + beside, 1e-300)
+        rule = HANN.interpolation
         # beyond half a line the peak would be the neighbour's
-        delta = np.clip(np.where(up, 1.0, -1.0) * (2.0 * beside - peak) / total, -0.5, 0.5)
-        gain = np.sinc(delta) / (1.0 - delta**2)
-        vectors = rest[:, frame, line] / gain * np.exp(-1j * np.pi * delta)
+        delta = np.clip(np.where(up, 1.0, -1.0) * rule.offset(peak, beside), -0.5, 0.5)
+        vectors = rest[:, frame, line] / rule.gain(delta) * np.exp(-1j * np.pi * delta)
         X, Y = self.pair.vectors_to_bench(vectors)
         forward, backward = 0.5 * np.abs(X + 1j * Y), 0.5 * np.abs(X - 1j * Y)
         order = (line + delta) / n
         good = is_peak.any(axis=1) & (forward + backward > self._threshold(order, stronger_components))
         return Components(
             order=np.where(good, order, np.nan),
-            order_sigma=order_sigma(np.maximum(peak, 1e-300), beside, noise_floor_sigma(self.noise), n),
+            order_sigma=rule.offset_sigma(np.maximum(peak, 1e-300), beside, noise_floor_sigma(self.noise)) / n,
             forward=forward,
             backward=backward,
             vectors=vectors,
@@ -194,9 +195,9 @@ class ComponentSearch:
 
     def _subtract(self, rest: ComplexArray, component: Components, good: NDArray[np.bool_]) -> None:
         """Subtract a component with its window lines from the remaining spectrum, in place."""
-        away = self.revolutions * np.where(good, component.order, 0.0)[:, None] - np.arange(rest.shape[2])
-        skirt = np.sinc(away) + 0.5 * (np.sinc(away - 1.0) + np.sinc(away + 1.0))
-        rest -= np.where(good, component.vectors, 0.0)[:, :, None] * (skirt * np.exp(1j * np.pi * away))
+        away: FloatArray = self.revolutions * np.where(good, component.order, 0.0)[:, None] - np.arange(rest.shape[2])
+        skirt = HANN.response(away) * np.exp(1j * np.pi * away)
+        rest -= np.where(good, component.vectors, 0.0)[:, :, None] * skirt
 
 
 def find_whirls(

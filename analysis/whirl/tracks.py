@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import noise_floor_sigma
-from analysis.spectra.order_map import OrderMap, Window, independent_hann_frames
+from analysis.spectra.order_map import OrderMap
+from analysis.spectra.windows import HANN
 from analysis.whirl.components import Components, ComponentSearch
 
 FloatArray = NDArray[np.float64]
@@ -112,13 +113,13 @@ def subsynchronous_tracks(order_map: OrderMap) -> tuple[SubsynchronousTrack, ...
     Whirl has a constant order of 0.42 to 0.49X, whip the constant frequency of a natural mode (A. Muszynska, Whirl and
     whip - rotor bearing stability problems, J. Sound Vib. 110, 1986). Floating-ring bearings whirl at lower orders.
     """
-    if order_map.window is not Window.HANN or order_map.revolutions < 8:
+    if order_map.window != HANN or order_map.revolutions < 8:
         raise ValueError(
-            f"order_map: {order_map.window} over {order_map.revolutions} revolutions, expected hann over 8"
+            f"order_map: {order_map.window.name} over {order_map.revolutions} revolutions, expected hann over 8"
         )
-    if order_map.orders.size < order_map.revolutions + 3:
+    if order_map.orders.size < order_map.revolutions + HANN.main_lobe + 1:
         raise ValueError(f"order_map: to order {order_map.orders[-1]:g}, expected at least two lines above 1X")
-    scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / 1.5)
+    scatter = order_map.angle_sigma * np.sqrt(order_map.revolutions / HANN.noise_bandwidth)
     noise = order_map.noise
     search = ComponentSearch(order_map.spectrum, order_map.revolutions, noise, noise, scatter, order_map.pair)
     found = search.find()
@@ -161,7 +162,7 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
     orders = np.array([found[index].order[frame] for frame, index in links])
     sigma = np.array([found[index].order_sigma[frame] for frame, index in links])
     speeds = order_map.speeds[frames]
-    part = independent_hann_frames(order_map.revolutions, order_map.step, frames.size) / frames.size
+    part = HANN.independent_frames(order_map.revolutions, order_map.step, frames.size) / frames.size
     behaviour, exponent, exponent_sigma, lock = _behaviour(speeds, orders, part)
     return SubsynchronousTrack(
         times=order_map.times[frames],

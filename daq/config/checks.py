@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from analysis.signals.header import Role
 from analysis.signals.units import MILLISECOND
+from analysis.spectra.windows import WINDOWS
 from daq.config.devices import DEVICES, HIGH_LEVEL, LOW_LEVEL, DeviceSpec
 from daq.config.rotor import model_parameters
 from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
@@ -164,6 +165,10 @@ def _timing(config: RigConfig) -> Iterator[Fault]:
         expected = f"less than half of points_per_revolution = {points}"
         key = "analysis.highest_order"
         yield _fault(key, config.analysis.highest_order, expected, "analysis.points_per_revolution")
+    needed = WINDOWS[config.analysis.window].min_revolutions
+    if config.analysis.revolutions < needed:
+        expected = f"at least {needed} for the window {config.analysis.window}"
+        yield _fault("analysis.revolutions", config.analysis.revolutions, expected, "analysis.window")
 
 
 def _tacho(config: RigConfig) -> Iterator[Fault]:

@@ -123,6 +123,7 @@ class Rig:
             revolutions=section.revolutions,
             points_per_revolution=section.points_per_revolution,
             highest_order=section.highest_order,
+            window=section.window,
             runout=runout_settings(self.config),
         )
 

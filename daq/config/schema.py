@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from analysis.signals.header import Edge, Role
+from analysis.signals.header import Edge, Role, WindowName
 
 
 class Section(BaseModel):
@@ -116,6 +116,7 @@ class AnalysisSection(Section):
     revolutions: Annotated[int, Field(ge=4, le=256)] = 16
     points_per_revolution: Annotated[int, Field(ge=16, le=1024, multiple_of=2)] = 64
     highest_order: Annotated[float, Field(ge=2, le=64)] = 8.0
+    window: WindowName = WindowName.HANN  # of the order spectra; the search below 1X always uses "hann"
 
 
 class RunOutVector(Section):

@@ -6,7 +6,8 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
-from analysis.spectra.order_map import Scaling, Window
+from analysis.signals.header import WindowName
+from analysis.spectra.order_map import Scaling
 
 Segment = Annotated[
     int | None, Field(description="Only this gap-free segment of the run, from 0", ge=0, le=1_000_000, examples=[0])
@@ -233,11 +234,11 @@ class OrderSpectrumQuery(FrameAnalysisQuery):
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
     window: Annotated[
-        Window,
+        WindowName,
         Field(
-            description="hann separates lines; flat top reads any amplitude to 0.1 %; uniform suits whole orders only"
+            description="hann separates lines; flat top reads any amplitude to 0.12 %; uniform suits whole orders only"
         ),
-    ] = Window.HANN
+    ] = WindowName.HANN
     scaling: Annotated[Scaling, Field(description="Scaling of the amplitudes")] = Scaling.PEAK
 
 

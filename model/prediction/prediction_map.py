@@ -16,6 +16,7 @@ from analysis.signals.header import AnalysisSettings
 from analysis.signals.probes import ProbePair
 from analysis.signals.units import RPM
 from analysis.spectra.order_spectrum import order_spectrum, order_vectors
+from analysis.spectra.windows import WINDOWS
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
@@ -279,10 +280,11 @@ def analyse_motion(
     path = motion.integrate_turns(revolutions, points)
     path -= path.mean(axis=1, keepdims=True)
     waveform = pair.to_probes(path)
-    orders, spectrum = order_spectrum(waveform[:, ::stride], revolutions)
+    orders, spectrum = order_spectrum(waveform[:, ::stride], revolutions, WINDOWS[settings.window])
     wanted = int(np.searchsorted(orders, settings.highest_order, side="right"))
     orders, spectrum = orders[:wanted], spectrum[:, :wanted]
-    whirl = find_whirl(spectrum, revolutions, max(NUMERICAL_FLOOR, noise_floor(spectrum, revolutions)), pair)
+    hann = order_spectrum(waveform[:, ::stride], revolutions)[1][:, :wanted]  # the window of the search below 1X
+    whirl = find_whirl(hann, revolutions, max(NUMERICAL_FLOOR, noise_floor(hann, revolutions)), pair)
     orbit = path[:, -min(settings.orbit_revolutions, revolutions) * points :: stride]
     return Prediction(
         speed=motion.speed,

@@ -19,6 +19,7 @@ from analysis.signals.header import (
     RunOutSettings,
     Tacho,
     TachoCounter,
+    WindowName,
 )
 from recordings.errors import DamagedError
 
@@ -145,7 +146,8 @@ def header_to_json(header: RunHeader) -> Json:
             "highest_order": header.settings.highest_order,
             "orbit_revolutions": header.settings.orbit_revolutions,
             "runout": _runout_to_json(header.settings.runout),
-        },
+        }
+        | ({} if header.settings.window is WindowName.HANN else {"window": header.settings.window.value}),
         "limits": {
             "peak_to_peak_alarm_m": header.limits.peak_to_peak_alarm,
             "peak_to_peak_danger_m": header.limits.peak_to_peak_danger,
@@ -195,6 +197,7 @@ def header_from_json(document: Mapping[str, Any]) -> RunHeader:
             highest_order=analysis.number("highest_order"),
             orbit_revolutions=analysis.integer("orbit_revolutions"),
             runout=_runout(analysis.section("runout")) if analysis.has("runout") else RunOutSettings(),
+            window=analysis.choice("window", WindowName) if analysis.has("window") else WindowName.HANN,
         ),
         limits=_limits(limits),
         config_toml=top.text("config_toml"),

@@ -8,6 +8,7 @@ from analysis.signals.units import MICROMETRE, phase_lag_degrees
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
+from analysis.spectra.windows import WINDOWS
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns
 from daq.reports.errors import translated_errors
@@ -32,7 +33,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
     with translated_errors(f"run {run.header.run}"):
         found = order_map(
             prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
-            window=query.window,
+            window=WINDOWS[query.window],
         )  # fmt: skip
     size = found.amplitudes(query.scaling)[:, 0] / MICROMETRE
     sigma = float(noise_floor_sigma(found.noise)[0])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.live.analyser import Analyser
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from analysis.signals.header import Edge, Role
+from analysis.signals.header import Edge, Role, WindowName
 from analysis.signals.snapshot import Snapshot, TachoState
 from analysis.signals.units import MICROMETRE
 
@@ -290,6 +290,47 @@ def test_other_settings_give_the_same_result(make_bench: Maker, revolutions: int
         np.abs(frame.vectors[:, 0] - [20 * MICROMETRE * np.exp(0.4j), 3 * MICROMETRE * np.exp(-0.7j)]).max()
         < 0.02 * MICROMETRE
     )
+
+
+@pytest.mark.parametrize(
+    ("window", "offset", "tolerance"),
+    [(WindowName.FLAT_TOP, 0.4, 1e-3), (WindowName.FLAT_TOP, 0.5, 1.2e-3), (WindowName.HANN, 0.5, 0.16)],
+)
+def test_component_between_two_lines_has_the_accuracy_of_the_window(
+    make_bench: Maker, window: WindowName, offset: float, tolerance: float
+) -> None:
+    bench = make_bench(window=window, noise=0.02 * MICROMETRE)
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.4), (8 * MICROMETRE, 3.5 + offset / 16, 0.0))
+    frame = bench.frames(bench.steady(100.0), motion, 1.0)[-1]
+    read = np.abs(frame.spectrum[:, 48:64]).max(axis=1)
+    assert read == pytest.approx([8 * MICROMETRE, 8 * MICROMETRE], rel=tolerance)
+    assert bool(read[0] < 0.9 * 8 * MICROMETRE) is (window is WindowName.HANN)
+
+
+@pytest.mark.parametrize("window", [WindowName.FLAT_TOP, WindowName.UNIFORM])
+def test_vectors_and_whirl_do_not_depend_on_the_window(make_bench: Maker, window: WindowName) -> None:
+    circles = make_bench().circles
+    motion = circles((20 * MICROMETRE, 1.0, 0.4), (3 * MICROMETRE, 2.0, -0.7), (6 * MICROMETRE, 0.4375, 0.1))
+    hann, other = (
+        bench.frames(bench.steady(100.0), motion, 1.0)[-1] for bench in (make_bench(), make_bench(window=window))
+    )
+    assert np.abs(other.vectors - hann.vectors).max() < 0.02 * MICROMETRE
+    assert [whirl.order for whirl in other.whirls] == [whirl.order for whirl in hann.whirls]
+    assert len(hann.whirls) == 1
+
+
+def test_frame_of_too_few_revolutions_for_the_window_is_refused(make_bench: Maker) -> None:
+    bench = make_bench(window=WindowName.FLAT_TOP, revolutions=9)
+    with pytest.raises(ValueError, match="9 revolutions with the window flat top, expected at least 10"):
+        Analyser(bench.acquisition, bench.settings)
+
+
+@pytest.mark.parametrize("window", list(WindowName))
+def test_stated_sigma_is_the_scatter_of_1x_in_every_window(make_bench: Maker, window: WindowName) -> None:
+    bench = make_bench(window=window, noise=0.5 * MICROMETRE, update_interval=0.2)
+    frames = bench.frames(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.4)), 20.0)
+    scatter = np.std(np.abs([frame.vectors[0] for frame in frames]))
+    assert np.median([frame.sigma[0] for frame in frames]) == pytest.approx(scatter, rel=0.25)
 
 
 def test_motion_far_above_the_highest_order_does_not_alias(make_bench: Maker) -> None:

@@ -21,9 +21,10 @@ from analysis.spectra.disturbances import drift, mains_hum
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, probe_mismatch
-from analysis.spectra.order_map import OrderMap, Window, order_map
+from analysis.spectra.order_map import OrderMap, order_map
 from analysis.spectra.order_spectrum import order_spectrum
 from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
+from analysis.spectra.windows import FLAT_TOP
 from analysis.tacho.edges import EdgeDetector
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.pulse_train import PulseTrain
@@ -130,7 +131,7 @@ def envelopes(displacement: FloatArray) -> Results:
 
 OF_RECORDS: dict[str, Callable[[AngularRecord], Results]] = {
     "order map": lambda record: lines(order_map(record)),
-    "order map, flat top": lambda record: lines(order_map(record, window=Window.FLAT_TOP)),
+    "order map, flat top": lambda record: lines(order_map(record, window=FLAT_TOP)),
     "order map of single turns": lambda record: lines(order_map(record, revolutions=1)),
     "order track": lambda record: vectors(track_order(record, 1.0)),
     "order track less a vector": lambda record: vectors(

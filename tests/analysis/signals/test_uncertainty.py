@@ -1,4 +1,4 @@
-"""Stated uncertainty of amplitude, phase and order."""
+"""Stated uncertainty of amplitude, phase, speed and order."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from analysis.resampling.angular_record import angular_record
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
-from analysis.signals.uncertainty import noise_floor_sigma, order_sigma, phase_sigma
+from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_map
 from analysis.tacho.pulse_record import pulse_record
@@ -65,8 +65,3 @@ def test_line_noise_follows_its_formula() -> None:
 def test_unknown_phase_has_the_uncertainty_of_a_uniform_angle() -> None:
     sigma = phase_sigma(np.array([0.0, 1.0, 1.0]), np.array([1.0, 0.01, 0.0]), np.array([0.0, 0.0, 0.02]), 2.0)
     np.testing.assert_allclose(sigma, [np.pi / np.sqrt(3.0), 0.01, 0.04])
-
-
-def test_stronger_line_has_a_more_accurate_order() -> None:
-    weak, strong = order_sigma(np.array([1.0, 10.0]), np.array([0.8, 8.0]), np.array([0.1, 0.1]), 16)
-    assert weak == pytest.approx(10 * strong)

@@ -9,13 +9,14 @@ from analysis.resampling.angular_record import AngularRecord
 from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
 from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.spectra.frequency_spectrum import frequency_spectrum
-from analysis.spectra.order_map import Window, order_map
+from analysis.spectra.order_map import order_map
+from analysis.spectra.windows import WINDOWS, Window
 
 Maker = Callable[..., AngularRecord]
 RATE = 1_000.0
 
 
-@pytest.mark.parametrize("window", list(Window))
+@pytest.mark.parametrize("window", list(WINDOWS.values()), ids=list(WINDOWS))
 def test_line_amplitude_and_noise_density_are_correct(window: Window) -> None:
     time = np.arange(200_000) / RATE
     wave = 3.0 * np.cos(2 * np.pi * 100.0 * time) + np.random.default_rng(0).standard_normal(time.size)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from analysis.spectra.order_spectrum import hann, order_spectrum, order_vectors
+from analysis.spectra.order_spectrum import order_spectrum, order_vectors
 
 
 def angles(revolutions: int, points: int) -> np.ndarray:
@@ -61,13 +61,6 @@ def test_order_spectrum_is_linear(scale: float, seed: int) -> None:
     _, one = order_spectrum(a, 4)
     _, other = order_spectrum(b, 4)
     np.testing.assert_allclose(together, one + scale * other, atol=1e-12 * (1 + abs(scale)))
-
-
-def test_hann_is_periodic_and_sums_to_one() -> None:
-    window = hann(8)
-    assert window[0] == 0
-    assert window[4] == window.max()
-    assert window.sum() == pytest.approx(1)
 
 
 def test_order_vectors_are_whole_orders_and_zero_beyond_the_axis() -> None:

@@ -21,9 +21,10 @@ from analysis.spectra.disturbances import drift, mains_hum
 from analysis.spectra.frequency_map import frequency_map
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum
-from analysis.spectra.order_map import Window, order_map
+from analysis.spectra.order_map import order_map
 from analysis.spectra.order_spectrum import order_spectrum
 from analysis.spectra.tacholess_speed import speed_from_ridge
+from analysis.spectra.windows import FLAT_TOP, UNIFORM
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import shaft_angle
 from analysis.vectors.glitches import find_glitches
@@ -72,7 +73,7 @@ def pyramid(wave: FloatArray) -> FloatArray:
 
 LINEAR_OF_RECORDS: dict[str, Callable[[AngularRecord], Values]] = {
     "order map": lambda record: order_map(record).spectrum,
-    "order map, flat top": lambda record: order_map(record, window=Window.FLAT_TOP, overlap=0.5).spectrum,
+    "order map, flat top": lambda record: order_map(record, window=FLAT_TOP, overlap=0.5).spectrum,
     "order track": lambda record: track_order(record, 1.37).vectors,
     "forward circles": lambda record: full_spectrum(np.arange(129) / 16, order_map(record).spectrum, PAIR).forward,
     "backward circles": lambda record: full_spectrum(np.arange(129) / 16, order_map(record).spectrum, PAIR).backward,
@@ -207,6 +208,6 @@ def test_envelopes_and_spectra_shift_with_time(delay: int, seed: int) -> None:
     periodic = np.tile(wave[:500], 12)
     moved = np.roll(periodic, delay)
     assert_close(
-        frequency_spectrum(moved, RATE, resolution=4.0, window=Window.UNIFORM).amplitudes,
-        frequency_spectrum(periodic, RATE, resolution=4.0, window=Window.UNIFORM).amplitudes,
+        frequency_spectrum(moved, RATE, resolution=4.0, window=UNIFORM).amplitudes,
+        frequency_spectrum(periodic, RATE, resolution=4.0, window=UNIFORM).amplitudes,
     )

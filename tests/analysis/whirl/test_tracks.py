@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.units import MICROMETRE
-from analysis.spectra.order_map import Window, order_map
+from analysis.spectra.order_map import order_map
+from analysis.spectra.windows import FLAT_TOP
 from analysis.whirl.tracks import Behaviour, SubsynchronousTrack, subsynchronous_tracks
 
 Maker = Callable[..., AngularRecord]
@@ -94,6 +95,6 @@ def test_successive_components_are_separate_tracks(make_angular: Maker) -> None:
 def test_unsuitable_windows_and_frames_are_refused(make_angular: Maker) -> None:
     record = make_angular((20 * MICROMETRE, 1.0, 0.0))
     with pytest.raises(ValueError, match="order_map"):
-        subsynchronous_tracks(order_map(record, window=Window.FLAT_TOP))
+        subsynchronous_tracks(order_map(record, window=FLAT_TOP))
     with pytest.raises(ValueError, match="order_map"):
         subsynchronous_tracks(order_map(record, revolutions=4))

@@ -166,6 +166,7 @@ def test_model_parameters_follow_the_model_section_and_the_probes(rig: RigFactor
         ("timing", {"block_s": 2.0}, "timing.block_s = 2.0: expected at most 1"),
         ("analysis", {"revolutions": 12.5}, "analysis.revolutions = 12.5: expected a whole number"),
         ("analysis", {"points_per_revolution": 65}, "analysis.points_per_revolution = 65: expected a multiple of 2"),
+        ("analysis", {"window": "kaiser"}, "analysis.window = \"kaiser\": expected 'hann', 'flat top' or 'uniform'"),
         ("tacho", {"edge": "up"}, "tacho.edge = \"up\": expected 'rising' or 'falling'"),
         ("tacho", {"mark_fraction": 1.0}, "tacho.mark_fraction = 1.0: expected less than 1"),
         ("simulation", {"motion": "wild"}, "simulation.motion = \"wild\": expected 'model' or 'bench'"),
@@ -245,6 +246,10 @@ def test_load_rig_lists_the_known_keys_if_none_is_similar(rig_file: RigFiles) ->
         ),
         ({"storage": {"split_gb": 1e-4}}, "storage.split_gb = 0.0001: expected 0 for never, or at least 0.001"),
         ({"model": {"imbalance_kg_m": 1.0}}, "model: imbalance: 1 kg m at station 5, expected at most 1.85e-05 kg m"),
+        (
+            {"analysis": {"revolutions": 8, "window": "flat top"}},
+            "analysis.revolutions = 8: expected at least 10 for the window flat top",
+        ),
         ({"analysis": {"points_per_revolution": 16}}, "analysis.highest_order = 8: expected less than half of points"),
     ],
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from analysis.signals.header import RunHeader, RunOutSettings
+from analysis.signals.header import RunHeader, RunOutSettings, WindowName
 from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, header_to_json
 
@@ -56,6 +56,11 @@ def test_numeric_keys_have_a_unit_suffix(header: RunHeader) -> None:
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
+        (
+            ("analysis", "window"),
+            "kaiser",
+            r"header\.analysis\.window: 'kaiser', expected one of hann, flat top, uniform",
+        ),
         (("run",), 3, r"header\.run: 3, expected a string"),
         (("started_ns",), 1.5, r"header\.started_ns: 1\.5, expected an integer"),
         (("acquisition", "rate_hz"), "fast", r"header\.acquisition\.rate_hz: 'fast', expected a number"),
@@ -95,6 +100,14 @@ def test_run_out_survives_a_round_trip_bit_for_bit(header: RunHeader) -> None:
     runout = RunOutSettings(60.0, vectors, (1e-8 / 3, 0.0), "run 2026-11-20T08-00-00-gj90c", from_orbit=True)
     original = replace(header, settings=replace(header.settings, runout=runout))
     assert header_from_json(json.loads(json.dumps(header_to_json(original)))) == original
+
+
+def test_window_survives_a_round_trip_and_hann_is_not_written(header: RunHeader) -> None:
+    assert "window" not in header_to_json(header)["analysis"]
+    original = replace(header, settings=replace(header.settings, window=WindowName.FLAT_TOP))
+    document = json.loads(json.dumps(header_to_json(original)))
+    assert document["analysis"]["window"] == "flat top"
+    assert header_from_json(document) == original
 
 
 def test_monitored_limits_survive_a_round_trip_and_others_are_not_written(header: RunHeader) -> None:
