@@ -212,7 +212,7 @@ class OrderFrame:
     orders : ndarray of float64, shape (n_orders,)
         Order axis, from 0, step 1 / revolutions.
     spectrum : ndarray of complex128, shape (2, n_orders)
-        Hann-windowed order spectrum at x and y, m peak, phase referred to theta = 0.
+        Order spectrum at x and y with the window of the settings, m peak, phase referred to theta = 0.
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, at x and y, m peak.
     noise : float

@@ -91,7 +91,7 @@ function drawSpectrum(parent, curves) {
     draw(svg, "path", { d: `M0 ${HEIGHT * (1 - part)}H${WIDTH}`, class: "grid" });
     draw(svg, "text", { x: -10, y: HEIGHT * (1 - part) + 7, class: "label end" }, formatTick(level * part));
   }
-  draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 66, class: "label middle" }, "order spectrum · µm peak · Hann window");
+  draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 66, class: "label middle" }, "order spectrum · µm peak");
   const curve = (source, name, kind) => {
     const points = source.orders.flatMap((order, k) => (order <= highest ? [`${((WIDTH * order) / highest).toFixed(1)},${(HEIGHT * (1 - source[name][k] / level)).toFixed(1)}`] : []));
     draw(svg, "polyline", { points: points.join(" "), class: `curve ${kind}` });

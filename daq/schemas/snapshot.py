@@ -37,10 +37,10 @@ class OrderSpectrumSchema(Schema):
     frame: OrderFrameSchema
     orders: Values = Field(description="Frequency over shaft frequency", examples=[[0.0, 0.0625, 0.125]])
     amplitude_peak_x_um: Values = Field(
-        description="At probe x by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.04, 0.06]]
+        description="At probe x by order, window of `[analysis]`, µm zero-to-peak", examples=[[0.05, 0.04, 0.06]]
     )
     amplitude_peak_y_um: Values = Field(
-        description="At probe y by order, Hann window, µm zero-to-peak", examples=[[0.05, 0.05, 0.04]]
+        description="At probe y by order, window of `[analysis]`, µm zero-to-peak", examples=[[0.05, 0.05, 0.04]]
     )
     lag_x_deg: Values = Field(description="Phase lag at probe x, 0 to 360 degrees", examples=[[12.0, 340.1, 77.5]])
     lag_y_deg: Values = Field(description="Phase lag at probe y, 0 to 360 degrees", examples=[[102.0, 70.1, 167.5]])
@@ -163,10 +163,12 @@ class OrbitAndSpectrumSchema(Schema):
     )
     orders: Values = Field(description="Frequency over shaft frequency", examples=[[0.0, 0.0625, 0.125]])
     spectrum_peak_x_um: Values = Field(
-        description="Amplitude at probe x by order, Hann window, zero-to-peak, µm", examples=[[0.05, 0.04, 0.06]]
+        description="Amplitude at probe x by order, window of `[analysis]`, zero-to-peak, µm",
+        examples=[[0.05, 0.04, 0.06]],
     )
     spectrum_peak_y_um: Values = Field(
-        description="Amplitude at probe y by order, Hann window, zero-to-peak, µm", examples=[[0.05, 0.05, 0.04]]
+        description="Amplitude at probe y by order, window of `[analysis]`, zero-to-peak, µm",
+        examples=[[0.05, 0.05, 0.04]],
     )
 
 

@@ -20,7 +20,7 @@ class Prediction:
     orders : ndarray of float64, shape (n_orders,)
         Order axis, from 0.
     spectrum : ndarray of float64, shape (2, n_orders)
-        Hann-windowed order spectrum at the probes x and y, m peak.
+        Order spectrum at the probes x and y with the window of the settings, m peak.
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, m peak, x(t) = Re[X exp(i k theta)].
     whirl_order : float
