@@ -9,7 +9,7 @@ from analysis.preflight.checks import Check, Finding, WiringLimits
 from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.header import Channel, Edge, Tacho
 from analysis.signals.units import MILLISECOND, MILLIVOLT, RPM
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 
 FloatArray = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class TachoSignal:
     def from_codes(cls, channel: Channel, tacho: Tacho, codes: NDArray[np.int16], rate: float) -> "TachoSignal":
         """Return the signal of the tacho channel; ValueError without samples."""
         volts = channel.volts(codes)
-        return cls(channel, tacho, volts, rate, find_state_levels(volts), EdgeDetector(tacho).edges(volts, 0))
+        return cls(channel, tacho, volts, rate, find_state_levels(volts), edge_detector(tacho).edges(volts, 0))
 
     @property
     def angle(self) -> FloatArray | None:

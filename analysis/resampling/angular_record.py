@@ -10,7 +10,7 @@ from analysis.resampling.interpolation import HALF_WIDTH, interpolate
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
 from analysis.signals.probes import ProbePair, require_displacement
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 
@@ -231,7 +231,7 @@ def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArra
     row = acquisition.row(Role.TACHO)
     channel = acquisition.channels[row]
     volts = channel.volts(_CODES)
-    detector = EdgeDetector(acquisition.tacho)
+    detector = edge_detector(acquisition.tacho)
     edges = [
         detector.edges(volts[np.ascontiguousarray(codes[row, begin : begin + CHUNK_SAMPLES]).view(np.uint16)], begin)
         for begin in range(0, codes.shape[1], CHUNK_SAMPLES)

@@ -10,7 +10,7 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Role
 from analysis.signals.snapshot import CounterReport
 from analysis.tacho.counter_comparison import CounterComparison
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 
 FloatArray = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ class TachoEdgeReader:
 
     def restart(self, first: int) -> None:
         """Start a segment, or continue one after a gap, at a sample."""
-        self._detector = EdgeDetector(self._tacho)
+        self._detector = edge_detector(self._tacho)
         self._stamps: list[tuple[int, NDArray[np.int64]]] = []  # first sample of the block, and its timestamps
         self._fails_from: int | None = None
         self._last = -np.inf

@@ -1,4 +1,8 @@
-"""Edge detection in the tacho waveform: a Schmitt trigger with interpolation between the samples."""
+"""Edge detection in the tacho waveform.
+
+`edge_detector` returns the detector of a tacho. A further type of tacho needs a class with the method `edges` and its
+line in `edge_detector`; the callers do not name a type.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +12,7 @@ from analysis.signals.header import Edge, Tacho
 FloatArray = NDArray[np.float64]
 
 
-class EdgeDetector:
+class SchmittTrigger:
     """Schmitt trigger that finds the tacho edges of a waveform given in consecutive pieces.
 
     An edge needs a waveform below the lower level that then reaches the upper level (mirrored for falling edges). The
@@ -79,3 +83,8 @@ class EdgeDetector:
         edges = candidates[np.searchsorted(after, flips, side="right")]
         self._crossing = float(candidates[-1])
         return np.asarray(edges, dtype=np.float64)
+
+
+def edge_detector(tacho: Tacho) -> SchmittTrigger:
+    """Return a new detector of the edges in the waveform of a tacho, with the settings of the tacho."""
+    return SchmittTrigger(tacho)

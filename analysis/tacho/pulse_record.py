@@ -74,7 +74,7 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     Parameters
     ----------
     times : ndarray of float64, shape (n,)
-        Times of the edges, s, rising: counter timestamps, or `EdgeDetector.edges` over the sample rate.
+        Times of the edges, s, rising: counter timestamps, or those of `edge_detector` over the sample rate.
     tacho : Tacho
         Marks, response time and delay; the delay is subtracted.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition, Role
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 from daq.config.schema import SPEED, TIME, TriggerCondition
 from daq.drivers.source import Source
 
@@ -42,7 +42,7 @@ class SpeedEstimator:
 
     def _reset(self) -> None:
         self._by_counter = self._acquisition.tacho.reference == "counter"
-        self._detector = EdgeDetector(self._acquisition.tacho)
+        self._detector = edge_detector(self._acquisition.tacho)
         self._edges.clear()
 
     def update(self, block: SampleBlock) -> float:

@@ -14,7 +14,7 @@ from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role, RunHeader
 from analysis.signals.probes import ProbePair
 from analysis.signals.units import RPM
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 from analysis.vectors.runout import SlowRoll, slow_roll
@@ -225,7 +225,7 @@ class RunSamples:
             if ticks.size:
                 return np.asarray(ticks / counter.timebase, dtype=np.float64)
         row = acquisition.row(Role.TACHO)
-        channel, detector = acquisition.channels[row], EdgeDetector(acquisition.tacho)
+        channel, detector = acquisition.channels[row], edge_detector(acquisition.tacho)
         edges = [np.empty(0)]
         for low in range(span.first, span.stop, self.chunk_size):
             high = min(low + self.chunk_size, span.stop)

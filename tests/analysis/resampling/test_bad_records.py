@@ -25,7 +25,7 @@ from analysis.spectra.order_map import OrderMap, order_map
 from analysis.spectra.order_spectrum import order_spectrum
 from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
 from analysis.spectra.windows import FLAT_TOP
-from analysis.tacho.edges import EdgeDetector
+from analysis.tacho.edges import edge_detector
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.pulse_train import PulseTrain
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
@@ -164,7 +164,7 @@ OF_SAMPLES: dict[str, Callable[[FloatArray], Results]] = {
     "hum": lambda wave: [mains_hum(wave[0], RATE).amplitude, mains_hum(wave[0], RATE).sigma],
     "ridge": ridge,
     "Vold-Kalman": envelopes,
-    "edges": lambda wave: [EdgeDetector(TACHO).edges(3e5 * wave[0], 0)],
+    "edges": lambda wave: [edge_detector(TACHO).edges(3e5 * wave[0], 0)],
 }
 
 
