@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.cli.runs import find_run
 from daq.errors import UsageError
@@ -77,7 +77,7 @@ def run_analyse(args: argparse.Namespace) -> int:
     for file in args.output:
         _require_writable(file)
     catalogue, run_id = find_run(args.recording, args.folder)
-    console, started = Console(), time.monotonic()
+    console, started = TerminalOutput(), time.monotonic()
 
     def show_progress(doing: str, part: float | None) -> None:
         if time.monotonic() - started > PROGRESS_DELAY:
@@ -162,7 +162,7 @@ def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str) 
 
 
 def _result_lines(analysis: AnalysisResult) -> Iterator[str]:
-    """Yield a result for the terminal: the preview rows of its table, its figures and remarks."""
+    """Yield a result for the terminal: the preview rows of its table, its scalars and remarks."""
     yield analysis.title
     rows = analysis.preview_rows()
     if rows.size:
@@ -171,7 +171,7 @@ def _result_lines(analysis: AnalysisResult) -> Iterator[str]:
         yield from align_columns(names, list(cells), stacked=True)
     if rows.size < analysis.n_rows:
         yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
-    for name, value in analysis.figures.items():
+    for name, value in analysis.scalars.items():
         yield f"{name:16}  {format_number(*_cells([value]))}  {QUANTITIES[name].description}"
     yield from analysis.remarks
 

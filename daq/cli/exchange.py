@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.runs import find_run
 from daq.session.import_run import import_run
 from recordings.catalogue.catalogue import Catalogue, data_folder
@@ -71,7 +71,7 @@ def run_import(args: argparse.Namespace) -> int:
 def run_export(args: argparse.Namespace) -> int:
     """Export a run to a file; return the exit code."""
     catalogue, run_id = find_run(args.recording, args.folder)
-    target, console = Path(args.to), Console()
+    target, console = Path(args.to), TerminalOutput()
     with RunReader(catalogue.path(run_id)) as reader:
         make_table = results_table if args.results else pulses_table if args.pulses else samples_table
         reading = partial(console.progress, f"reading {run_id}")

@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.errors import ServiceError, UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
@@ -35,7 +35,7 @@ class LiveServices:
         The data folder.
     summaries : Summaries
         Computes the summaries of runs.
-    console : Console
+    console : TerminalOutput
         Prints the addresses.
     results : ResultsReader or None
         Reads the results of recorded runs beyond their summaries; None without these endpoints.
@@ -55,7 +55,7 @@ class LiveServices:
         args: argparse.Namespace,
         catalogue: Catalogue,
         summaries: Summaries,
-        console: Console,
+        console: TerminalOutput,
         results: ResultsReader | None = None,
         manager: RunManager | None = None,
     ) -> None:
@@ -86,7 +86,7 @@ class LiveServices:
         self._server = server
 
     @staticmethod
-    def _open_view(console: Console) -> "LiveView | None":
+    def _open_view(console: TerminalOutput) -> "LiveView | None":
         """Return the live view, served on loopback only because rerun's viewer has no access control."""
         try:
             return open_live_view()

@@ -10,7 +10,7 @@ from pathlib import Path
 from analysis.preflight.checks import Verdict
 from analysis.signals.units import MICROSECOND, RPM
 from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json, print_lines, terminal_width
 from daq.config.devices import device_spec
 from daq.config.loader import load_rig
@@ -93,7 +93,7 @@ _MIN_LIMIT_WIDTH = 16  # columns of the limit
 
 def run_preflight(args: argparse.Namespace) -> int:
     """Run the preflight checks and print them; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     rig = load_rig(Path(args.config))
     plan = PlannedRun(
         folder=data_folder(rig.config.storage.folder),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from daq.cli.arguments import AddCommand, add_folder, add_service_address, duration, pace, show_examples
 from daq.cli.live_services import LiveServices
-from daq.cli.output.progress import Console, status_line
+from daq.cli.output.progress import TerminalOutput, status_line
 from daq.cli.output.summary_text import print_summary
 from daq.cli.output.terminal import print_json
 from daq.cli.runs import find_run, run_row
@@ -42,7 +42,7 @@ _REPORTED_STATES = frozenset({RunState.DEGRADED, RunState.INTERRUPTED})
 MAX_FULL_SUMMARIES = 3  # recordings of one command whose summaries are printed in full; more get one line each
 
 
-def follow(run: Run, stop: StopFlag, console: Console) -> RunOutcome:
+def follow(run: Run, stop: StopFlag, console: TerminalOutput) -> RunOutcome:
     """Print a run's progress until it ends or `stop` is set; return its outcome."""
     is_stop_sent, events = False, _EventPrinter(console)
     try:
@@ -65,7 +65,7 @@ def follow(run: Run, stop: StopFlag, console: Console) -> RunOutcome:
 class _EventPrinter:
     """Prints lost samples, a filling buffer and a disconnected device as lines that the progress line leaves alone."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: TerminalOutput) -> None:
         self._console = console
         self._state = RunState.STARTING
         self._loss = ""
@@ -98,7 +98,7 @@ def recording_request(catalogue: Catalogue, rig: Rig, note: str, duration: float
 
 def run_record(args: argparse.Namespace) -> int:
     """Record a run; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     rig = with_trigger(
         load_rig(Path(args.config)),
         start=args.start,
@@ -148,7 +148,7 @@ def run_record(args: argparse.Namespace) -> int:
 
 def run_replay(args: argparse.Namespace) -> int:
     """Replay a recording; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     catalogue, run_id = find_run(args.recording, args.folder)
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
@@ -173,7 +173,7 @@ def run_replay(args: argparse.Namespace) -> int:
 
 def run_serve(args: argparse.Namespace) -> int:
     """Serve page and REST until stopped; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     rig = load_rig(Path(args.config)) if args.config else None
     storage = StorageSection() if rig is None else rig.config.storage
     catalogue = Catalogue(data_folder(args.folder or storage.folder), storage.catalogue)
@@ -267,7 +267,7 @@ ACKNOWLEDGE = "ack"
 """A line with this text alone acknowledges alarms instead of adding a marker."""
 
 
-def start_marker_input(run: SupportsMarkers, console: Console) -> bool:
+def start_marker_input(run: SupportsMarkers, console: TerminalOutput) -> bool:
     """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
 
     It reads until the run has ended or the terminal is closed. It bypasses Python's buffered stdin: a thread blocked
@@ -281,7 +281,7 @@ def start_marker_input(run: SupportsMarkers, console: Console) -> bool:
     return True
 
 
-def _read_lines(terminal: int, run: SupportsMarkers, console: Console) -> None:
+def _read_lines(terminal: int, run: SupportsMarkers, console: TerminalOutput) -> None:
     encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
     with suppress(OSError):  # the terminal is closed, or the command runs in the background
         while typed := os.read(terminal, 1024):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
@@ -97,7 +97,7 @@ def run_index(args: argparse.Namespace) -> int:
     """Update the catalogue from the files; return the exit code."""
     from daq.session.offline import summarise  # noqa: PLC0415 - the analysis takes a second to import, which `rig runs` need not wait
 
-    console = Console()
+    console = TerminalOutput()
     catalogue = Catalogue(data_folder(args.folder))
     report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)
     console.done()
@@ -106,7 +106,7 @@ def run_index(args: argparse.Namespace) -> int:
     if args.json:
         print_json(index_report_schema(report))
     else:
-        for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.vanished)):
+        for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.missing)):
             for run_id in run_ids:
                 print(f"{name:9} {run_id}")
         for run_id in damaged:

@@ -3,7 +3,7 @@
 import argparse
 
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, calibration, show_examples
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.summary_text import print_summary
 from daq.cli.runs import find_run
 from daq.config.calibration import load_calibration
@@ -31,7 +31,7 @@ def add_commands(add: AddCommand) -> None:
 
 def run_summary(args: argparse.Namespace) -> int:
     """Print the summary of a run; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     catalogue, run_id = find_run(args.recording, args.folder)
     calibrations = {name: load_calibration(path) for name, path in args.calibration}
     with Predictors() as predictors:

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json, print_lines
 from daq.cli.runs import find_run
 from daq.schemas.verification import recovery_schema, verification_schema
@@ -34,7 +34,7 @@ def add_commands(add: AddCommand) -> None:
 def run_verify(args: argparse.Namespace) -> int:
     """Verify a recording; return the exit code."""
     catalogue, run_id = find_run(args.recording, args.folder)
-    console = Console()
+    console = TerminalOutput()
     verification = verify(catalogue.path(run_id), partial(console.progress, f"verifying {run_id}"))
     console.done()
     if args.json:

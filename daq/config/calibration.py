@@ -19,7 +19,7 @@ from daq.errors import ConfigError, UsageError
 
 FloatArray = NDArray[np.float64]
 
-ROUNDING = 0.1  # µm by which a point's deviation may exceed the stated residual
+MAX_ROUNDING_ERROR_UM = 0.1  # µm by which a point's deviation may exceed the stated residual
 
 
 def _iso_date(value: str) -> str:
@@ -195,11 +195,11 @@ def _cross_field_faults(curve: _Curve, record: CalibrationRecord) -> list[str]:
             f"from {curve.volts_low:g} to {curve.volts_high:g} V"
         )
     for number, point in enumerate(record.point):
-        off = abs(float(np.polynomial.polynomial.polyval(point.volts, curve.coefficients_um)) - point.gap_um)
-        if off > curve.residual_um + ROUNDING:
+        deviation = abs(float(np.polynomial.polynomial.polyval(point.volts, curve.coefficients_um)) - point.gap_um)
+        if deviation > curve.residual_um + MAX_ROUNDING_ERROR_UM:
             faults.append(
                 f"point[{number}] = {point.gap_um:g} µm at {point.volts:g} V: expected within {curve.residual_um:g} µm "
-                f"of the polynomial, deviates by {off:.2f} µm"
+                f"of the polynomial, deviates by {deviation:.2f} µm"
             )
     return faults
 

@@ -79,9 +79,9 @@ def analysis_table(analysis: AnalysisResult, run: str) -> Table:
 
 def _metadata(analysis: AnalysisResult, run: str) -> dict[str, str]:
     """Return the run, title, single values and remarks."""
-    figures = {name: f"{value:.9g}" for name, value in analysis.figures.items()}
+    scalars = {name: f"{value:.9g}" for name, value in analysis.scalars.items()}
     remarks = {"remarks": "; ".join(analysis.remarks)} if analysis.remarks else {}
-    return {"run": run, "title": analysis.title, **figures, **remarks}
+    return {"run": run, "title": analysis.title, **scalars, **remarks}
 
 
 def _npz(analysis: AnalysisResult, run: str) -> bytes:

@@ -31,7 +31,7 @@ class AnalysisResult:
         Table; all columns have the same length.
     panels : tuple of Panel
         Plot.
-    figures : mapping of str to float
+    scalars : mapping of str to float
         Single values by names of `QUANTITIES`, such as standard deviations.
     remarks : tuple of str
         Notes on the result.
@@ -42,7 +42,7 @@ class AnalysisResult:
     title: str
     columns: tuple[Column, ...]
     panels: tuple[Panel, ...]
-    figures: Mapping[str, float] = field(default_factory=dict)
+    scalars: Mapping[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     representative_rows: NDArray[np.intp] | None = None
 
@@ -50,8 +50,8 @@ class AnalysisResult:
         lengths = {column.name: column.values.shape for column in self.columns}
         if len(set(lengths.values())) != 1:
             raise ValueError(f"columns: shapes {lengths}, expected all (n,)")
-        if not set(self.figures) <= set(QUANTITIES):
-            raise ValueError(f"figures: {', '.join(self.figures)}, expected names of quantities")
+        if not set(self.scalars) <= set(QUANTITIES):
+            raise ValueError(f"scalars: {', '.join(self.scalars)}, expected names of quantities")
 
     @property
     def n_rows(self) -> int:
@@ -78,7 +78,7 @@ class AnalysisSchema(Schema):
         description="Columns of the table by name; null where a value is unknown",
         examples=[{"speed_rpm": [1100.2, 1200.1], "amplitude_peak_x_um": [0.61, 0.69], "lag_x_deg": [271.3, 273.0]}],
     )
-    figures: dict[str, float | None] = Field(
+    scalars: dict[str, float | None] = Field(
         description="Single values by name", examples=[{"sigma_peak_um": 0.003, "jitter_us": 4.8}]
     )
     descriptions: dict[str, str] = Field(
@@ -92,13 +92,13 @@ class AnalysisSchema(Schema):
 
 def analysis_schema(run: str, kind: str, analysis: AnalysisResult) -> AnalysisSchema:
     """Return the schema of an analysis."""
-    names = dict.fromkeys([*(column.name for column in analysis.columns), *analysis.figures])
+    names = dict.fromkeys([*(column.name for column in analysis.columns), *analysis.scalars])
     return AnalysisSchema(
         run=run,
         analysis=kind,
         title=analysis.title,
         columns={column.name: _values(column) for column in analysis.columns},
-        figures={name: _rounded(value) for name, value in analysis.figures.items()},
+        scalars={name: _rounded(value) for name, value in analysis.scalars.items()},
         descriptions={name: QUANTITIES[name].text for name in names},
         remarks=analysis.remarks,
     )

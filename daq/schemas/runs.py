@@ -89,7 +89,7 @@ class IndexReportSchema(Schema):
 
     new: tuple[str, ...]
     changed: tuple[str, ...]
-    vanished: tuple[str, ...]
+    missing: tuple[str, ...]
     damaged: tuple[str, ...]
     unchanged: int
 
@@ -99,7 +99,7 @@ def index_report_schema(report: IndexReport) -> IndexReportSchema:
     return IndexReportSchema(
         new=report.new,
         changed=report.changed,
-        vanished=report.vanished,
+        missing=report.missing,
         damaged=report.damaged,
         unchanged=report.unchanged,
     )

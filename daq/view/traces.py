@@ -29,7 +29,7 @@ from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction
 from recordings.mcap.markers import MarkerKind
 
-_COLORS = {MarkerKind.WORD: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}
+_COLORS = {MarkerKind.NOTE: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}
 _MAX_LABEL_LENGTH = 26  # characters
 
 

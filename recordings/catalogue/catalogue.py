@@ -148,7 +148,7 @@ class Catalogue:
         before = self._store.entries()
         present = {entry.id: entry for entry in self.runs()}
         report = compare(before, present)
-        self._store.delete_runs(list(report.vanished))
+        self._store.delete_runs(list(report.missing))
         runs = {run_id: stored for run_id, stored in self._store.entries().items() if run_id in present}
         self._summarise([stored.entry for stored in runs.values() if not stored.is_summarised], summarise, on_status)
         for run_id, stored in runs.items():

@@ -30,7 +30,7 @@ class IndexReport:
 
     Parameters
     ----------
-    new, changed, vanished : tuple of str
+    new, changed, missing : tuple of str
         Files that were not in the catalogue, have changed, or are gone.
     damaged : tuple of str
         Files that are incomplete or cannot be read, whether new or not.
@@ -40,7 +40,7 @@ class IndexReport:
 
     new: tuple[str, ...]
     changed: tuple[str, ...]
-    vanished: tuple[str, ...]
+    missing: tuple[str, ...]
     damaged: tuple[str, ...]
     unchanged: int
 
@@ -52,7 +52,7 @@ def compare(before: Mapping[str, StoredRun], present: Mapping[str, RunEntry]) ->
     return IndexReport(
         new=tuple(sorted(run_id for run_id in changed if run_id not in known)),
         changed=tuple(sorted(run_id for run_id in changed if run_id in known)),
-        vanished=tuple(sorted(known.keys() - present.keys())),
+        missing=tuple(sorted(known.keys() - present.keys())),
         damaged=tuple(sorted(run_id for run_id, entry in present.items() if entry.fault)),
         unchanged=len(present) - len(changed),
     )

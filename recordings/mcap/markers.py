@@ -18,7 +18,7 @@ DEFAULT_TEXT = "marker"
 class MarkerKind(StrEnum):
     """Origin of a marker."""
 
-    WORD = "word"  # a note by the operator
+    NOTE = "word"  # a note by the operator
     ALARM = "alarm"  # a limit was exceeded for the alarm's hold time
     ACKNOWLEDGED = "acknowledged"  # the operator acknowledged the alarms up to here
 
@@ -46,7 +46,7 @@ class Marker:
     sample: int
     text: str
     host_time_ns: int
-    kind: MarkerKind = MarkerKind.WORD
+    kind: MarkerKind = MarkerKind.NOTE
 
 
 def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
@@ -68,5 +68,5 @@ def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
 def decode_marker(data: bytes) -> Marker:
     """Return the marker of a serialised message; MessageError."""
     message = parse_message(rig_pb2.Mark(), data)
-    kind = MarkerKind(message.kind or MarkerKind.WORD)
+    kind = MarkerKind(message.kind or MarkerKind.NOTE)
     return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

@@ -8,7 +8,7 @@ import numpy as np
 
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.cli.arguments import AddCommand, show_examples, speed
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
@@ -26,7 +26,7 @@ _SPEED_STEP = 1000 * RPM  # rad/s between the rows of the table
 
 def run(args: argparse.Namespace) -> int:
     """Compute or load the prediction and print it; return the exit code."""
-    console = Console()
+    console = TerminalOutput()
     rig = load_rig(Path(args.config))
     with Predictors() as predictors:
         predictor = predictors.for_rig(rig)

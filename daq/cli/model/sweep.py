@@ -9,7 +9,7 @@ import numpy as np
 
 from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
 from daq.cli.model.output import require_drawing, save, show_study
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     parameters = parameters_of(args.config)
     with model_errors():
         points = grid(parameters, args.quantity, {name: list(map(float, one)) for name, one in vary.items()})
-    console = Console()
+    console = TerminalOutput()
 
     def progress(done: int, total: int) -> None:
         console.progress(f"{done:,} of {total:,} points")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from daq.cli.model.output import require_drawing
 from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep.workers import LocalWorkers
 from model.studies.thesis.chapter_3 import chapter_3
@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     """Compute and write the report; return the exit code."""
     require_drawing()
     folder: Path = args.output
-    console = Console()
+    console = TerminalOutput()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -16,7 +16,7 @@ _FILE_INTERVAL = 5.0  # s between progress lines where the output is no terminal
 _MAX_STEADY_ACCELERATION = 20 * RPM  # rad/s²; up to it the speed is shown as steady
 
 
-class Console:
+class TerminalOutput:
     """Prints lines and progress to a stream.
 
     Parameters

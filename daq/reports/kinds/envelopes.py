@@ -117,7 +117,7 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
             **by_probe,
         ),
         panels=tuple(panels),
-        figures={"sigma_peak_um": float(np.median(sigma))},
+        scalars={"sigma_peak_um": float(np.median(sigma))},
     )
 
 
@@ -157,7 +157,7 @@ def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
             _waves(title if probe == 0 else "the same at probe y", probe, chosen, (times, turns, waves[probe]), caption)
             for probe in (0, 1)
         ),
-        figures={"sigma_peak_um": sigma},
+        scalars={"sigma_peak_um": sigma},
     )
 
 

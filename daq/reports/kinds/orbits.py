@@ -37,40 +37,40 @@ def analyse_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
     used = max(query.revolutions, AVERAGED_REVOLUTIONS)
     prepared = record_before_frame(run, query, used, max(1.0, *orders))
     with translated_errors(f"run {run.header.run}"):
-        found, what = _orbit(prepared, query, orders)
-    motion = found.motion / MICROMETRE
-    turns, points = motion.shape[1:]
-    begin = found.times[0, 0]
-    figures, ellipses = dict(prepared.figures), []
-    for order, ellipse in zip(orders, found.ellipses, strict=False):
+        shaft_orbit, orbit_name = _orbit(prepared, query, orders)
+    motion = shaft_orbit.motion / MICROMETRE
+    n_revolutions, points = motion.shape[1:]
+    begin = shaft_orbit.times[0, 0]
+    scalars, ellipses = dict(prepared.scalars), []
+    for order, ellipse in zip(orders, shaft_orbit.ellipses, strict=False):
         sense = "forward" if ellipse.minor >= 0.0 else "backward"
-        major, minor, sigma = (size / MICROMETRE for size in (ellipse.major, abs(ellipse.minor), found.sigma))
+        major, minor, sigma = (size / MICROMETRE for size in (ellipse.major, abs(ellipse.minor), shaft_orbit.sigma))
         size = f"{major:.3g} × {minor:.3g} ± {sigma:.2g} µm peak"
         ellipses.append(f"{order:g}X {sense}, {size}, tilt {math.degrees(ellipse.tilt):.0f}°")
-    if found.ellipses:
-        first = found.ellipses[0]
-        figures |= {
+    if shaft_orbit.ellipses:
+        first = shaft_orbit.ellipses[0]
+        scalars |= {
             "major_peak_um": first.major / MICROMETRE,
             "minor_peak_um": first.minor / MICROMETRE,
             "tilt_deg": math.degrees(first.tilt),
-            "sigma_peak_um": found.sigma / MICROMETRE,
+            "sigma_peak_um": shaft_orbit.sigma / MICROMETRE,
         }
-    x, y = found.peak_to_peak / MICROMETRE
-    title = f"{run.header.run} · {what} orbit{prepared.title_suffix} · {prepared.position}"
-    extent = f"{turns} turns, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
+    x, y = shaft_orbit.peak_to_peak / MICROMETRE
+    title = f"{run.header.run} · {orbit_name} orbit{prepared.title_suffix} · {prepared.position}"
+    extent = f"{n_revolutions} revolutions, X {x:.3g}, Y {y:.3g} µm peak-to-peak"
     caption = "; ".join([*ellipses[:1], extent])
-    paths = [(motion[0, turn].tolist(), motion[1, turn].tolist()) for turn in range(turns)]
+    paths = [(motion[0, index].tolist(), motion[1, index].tolist()) for index in range(n_revolutions)]
     return AnalysisResult(
         title=title,
         columns=columns(
-            revolution=np.repeat(np.arange(turns), points),
-            angle_deg=np.tile(np.arange(points) * 360.0 / points, turns),
-            time_s=found.times.ravel(),
+            revolution=np.repeat(np.arange(n_revolutions), points),
+            angle_deg=np.tile(np.arange(points) * 360.0 / points, n_revolutions),
+            time_s=shaft_orbit.times.ravel(),
             X_um=motion[0].ravel(),
             Y_um=motion[1].ravel(),
         ),
-        panels=(orbit(title, paths, run.probe_angles, caption), _timebase(found, begin)),
-        figures=figures,
+        panels=(orbit(title, paths, run.probe_angles, caption), _timebase(shaft_orbit, begin)),
+        scalars=scalars,
         remarks=(*ellipses, *prepared.remarks),
     )
 
@@ -125,7 +125,7 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
             Y_um=points[1],
         ),
         panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
-        figures={"period": float(found.period), "scatter_um": scatter, **prepared.figures},
+        scalars={"period": float(found.period), "scatter_um": scatter, **prepared.scalars},
         remarks=(f"pattern of the points: {pattern}", *prepared.remarks),
     )
 

@@ -61,7 +61,7 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
             Panel(title, "s", "µm peak-to-peak", curves, caption),
             Panel("speed", "s", "r/min", (speed_curve,), x_range=(ends[0], ends[1])),
         ),
-        figures={"peak_to_peak_max_um": float(larger[at]) / MICROMETRE},
+        scalars={"peak_to_peak_max_um": float(larger[at]) / MICROMETRE},
         remarks=remarks,
     )  # fmt: skip
 

@@ -42,7 +42,7 @@ def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisRes
         title=title,
         columns=columns(time_s=prepared.record.times[:-1], speed_rpm=speeds, X_um=positions[0], Y_um=positions[1]),
         panels=panels,
-        figures=prepared.figures,
+        scalars=prepared.scalars,
         remarks=prepared.remarks,
     )
 
@@ -80,7 +80,7 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
             eccentricity_ratio=found.eccentricity_ratio, attitude_deg=np.degrees(found.attitude),
         ),
         panels=(panel,),
-        figures=prepared.figures,
+        scalars=prepared.scalars,
         remarks=(reference, *remarks, *prepared.remarks),
     )  # fmt: skip
 

@@ -26,7 +26,7 @@ class PreparedRecord:
         Displacement against angle, minus run-out if requested.
     title_suffix : str
         Suffix of a title: " compensated" or empty.
-    figures : dict of str to float
+    scalars : dict of str to float
         Quality values by names of `QUANTITIES`.
     remarks : tuple of str
         Notes on the quality.
@@ -34,7 +34,7 @@ class PreparedRecord:
 
     record: AngularRecord
     title_suffix: str
-    figures: dict[str, float]
+    scalars: dict[str, float]
     remarks: tuple[str, ...]
 
     @property
@@ -65,7 +65,7 @@ def record_before_frame(
 def _prepared(
     run: RunSamples, record: AngularRecord, slow_roll_rpm: float | None, segment: int | None
 ) -> PreparedRecord:
-    figures = {
+    scalars = {
         "speed_min_rpm": float(record.speeds.min()) / RPM,
         "speed_max_rpm": float(record.speeds.max()) / RPM,
         "revolutions": float(record.revolutions),
@@ -73,7 +73,7 @@ def _prepared(
     }
     remarks = []
     if record.pulses is not None:
-        figures |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
+        scalars |= {"pulses_filled": float(record.pulses.filled), "pulses_rejected": float(record.pulses.rejected)}
         if record.pulses.too_fast:
             remarks.append("the speed exceeded the response of the tacho sensor: missing pulses may go unnoticed")
         if record.pulses.repaired_fraction > MAX_REPAIRED_FRACTION:
@@ -82,9 +82,9 @@ def _prepared(
         x, y = record.clipped
         remarks.append(f"clipped: {x:,} samples at x, {y:,} at y; amplitudes near them are too small")
     if slow_roll_rpm is None:
-        return PreparedRecord(record, "", figures, tuple(remarks))
+        return PreparedRecord(record, "", scalars, tuple(remarks))
     roll = run.slow_roll(segment, slow_roll_rpm, record.points)
     x, y = roll.peak_to_peak / MICROMETRE
     source = f"compensated: run-out of {roll.revolutions} turns up to {slow_roll_rpm:,.0f} r/min subtracted, "
     remarks.append(source + f"x {x:.2f} and y {y:.2f} µm peak-to-peak, ± {roll.sigma.max() / MICROMETRE:.2f} µm")
-    return PreparedRecord(roll.subtract_waveform(record), " compensated", figures, tuple(remarks))
+    return PreparedRecord(roll.subtract_waveform(record), " compensated", scalars, tuple(remarks))

@@ -43,7 +43,7 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
             _over_angle(title, "µm", degrees, mean, caption),
             _over_angle("RMS residual", "µm RMS", degrees, residual, ""),
         ),
-        figures={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **prepared.figures},
+        scalars={"average_sigma_x_um": float(sigma[0]), "average_sigma_y_um": float(sigma[1]), **prepared.scalars},
         remarks=prepared.remarks,
     )
 
@@ -62,7 +62,7 @@ def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
         title=title,
         columns=columns(angle_deg=degrees, runout_x_um=waveform[0], runout_y_um=waveform[1]),
         panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),
-        figures={
+        scalars={
             "revolutions": float(found.revolutions),
             "speed_min_rpm": found.slowest / RPM,
             "speed_max_rpm": found.fastest / RPM,

@@ -59,7 +59,7 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
         title=title,
         columns=columns(**table),
         panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
-        figures={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) / MICROMETRE, **prepared.figures},
+        scalars={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) / MICROMETRE, **prepared.scalars},
         remarks=prepared.remarks,
         representative_rows=peaks(size.max(axis=0)),
     )
@@ -79,9 +79,9 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
     larger = found.uncertain & ~smaller
     uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
     sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) / MICROMETRE
-    figures = {"sigma_peak_um": sigma, **prepared.figures}
+    scalars = {"sigma_peak_um": sigma, **prepared.scalars}
     if mismatch.is_determined:
-        figures["probe_gain_mismatch"] = mismatch.gain
+        scalars["probe_gain_mismatch"] = mismatch.gain
     title = f"{run.header.run} · full spectrum{prepared.title_suffix} · {prepared.position}"
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the noise)"
     return AnalysisResult(
@@ -92,7 +92,7 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
                 title, FULL_SPECTRUM_LABEL, UNITS[Scaling.PEAK], found.axis.tolist(), [("", size.tolist())], caption
             )
         ),
-        figures=figures,
+        scalars=scalars,
         remarks=prepared.remarks,
         representative_rows=peaks(size),
     )
@@ -118,7 +118,7 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
         title=title,
         columns=columns(frequency_hz=frequencies, amplitude_peak_x_um=x, amplitude_peak_y_um=y),
         panels=tuple(spectrum(title, "Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
-        figures={
+        scalars={
             "noise_bandwidth_hz": found.noise_bandwidth,
             "frames": float(found.frames),
             "relative_sigma": found.relative_sigma,

@@ -153,7 +153,7 @@ def _result(
         title=title,
         columns=columns(**table),
         panels=(panel,),
-        figures={"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)},
+        scalars={"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)},
         remarks=found.remarks,
         representative_rows=picked * lines + sizes[picked].argmax(axis=1),
     )

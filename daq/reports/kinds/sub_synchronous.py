@@ -35,7 +35,7 @@ def analyse_sub_synchronous(run: RunSamples, query: SubSynchronousQuery) -> Anal
         panels=_panels(
             title, tracks, float(prepared.record.speeds.min()) / RPM, float(prepared.record.speeds.max()) / RPM
         ),
-        figures=prepared.figures,
+        scalars=prepared.scalars,
         remarks=prepared.remarks if tracks else ("no component above the noise", *prepared.remarks),
         representative_rows=np.arange(len(tracks)),
     )

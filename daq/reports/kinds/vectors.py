@@ -50,10 +50,10 @@ def _vectors(
     made = f"{query.revolutions} revolutions per vector, bins of {query.width_rpm:g} r/min"
     caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
     found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
-    figures = {"sigma_peak_um": sigma, **prepared.figures}
+    scalars = {"sigma_peak_um": sigma, **prepared.scalars}
     largest = max(found, key=lambda each: each[2].amplitude, default=None)
     if largest is not None:
-        figures |= {
+        scalars |= {
             "resonance_rpm": largest[2].speed / RPM,
             "largest_peak_um": largest[2].amplitude / MICROMETRE,
             "amplification_factor": largest[2].amplification_factor,
@@ -67,7 +67,7 @@ def _vectors(
             frames=np.concatenate([curve.frames for curve in curves]),
         ),
         panels=tuple(drawn(title, what, ramps, caption)),
-        figures=figures,
+        scalars=scalars,
         remarks=(*(_resonance(*each) for each in found), *prepared.remarks),
     )
 

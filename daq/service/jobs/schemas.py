@@ -84,7 +84,7 @@ class ResultRequest(Schema):
 class ReanalysisRequest(Schema):
     """Analyse a run's samples again, optionally with corrected calibrations; the recording is not changed."""
 
-    kind: Literal["analysis"]
+    kind: Literal["reanalysis"]
     run: RunId
     calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(validate_as_file(CalibrationRecord))]] = Field(
         default_factory=dict,

@@ -3,7 +3,7 @@
 import io
 from dataclasses import replace
 
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.recording import follow
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.run import RunOutcome
@@ -35,7 +35,7 @@ class ScriptedRun:
 
 def followed(*statuses: Status) -> list[str]:
     stream = io.StringIO()
-    follow(ScriptedRun(*statuses), StopFlag(), Console(stream))  # type: ignore[arg-type] # has the methods of a run that are used
+    follow(ScriptedRun(*statuses), StopFlag(), TerminalOutput(stream))  # type: ignore[arg-type] # has the methods of a run that are used
     return [line for line in stream.getvalue().splitlines() if not line[:2].isdigit()]  # without the progress lines
 
 
@@ -56,5 +56,5 @@ def test_stop_is_sent_once() -> None:
     run = ScriptedRun(*[Status(RunState.RECORDING)] * 4)
     stop = StopFlag()
     stop.set()
-    assert follow(run, stop, Console(io.StringIO())).is_stopped_by_user  # type: ignore[arg-type] # has the methods of a run that are used
+    assert follow(run, stop, TerminalOutput(io.StringIO())).is_stopped_by_user  # type: ignore[arg-type] # has the methods of a run that are used
     assert run.stopped == 1

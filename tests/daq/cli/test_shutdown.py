@@ -16,7 +16,7 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SourceItem
 from analysis.signals.header import Acquisition
-from daq.cli.output.progress import Console
+from daq.cli.output.progress import TerminalOutput
 from daq.cli.recording import follow
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
@@ -258,5 +258,5 @@ def test_error_in_the_terminal_output_closes_the_run() -> None:
 
     run = FailingRun()
     with pytest.raises(ZeroDivisionError):
-        follow(run, StopFlag(), Console())  # type: ignore[arg-type] # has the methods of a run that are used
+        follow(run, StopFlag(), TerminalOutput())  # type: ignore[arg-type] # has the methods of a run that are used
     assert run.closed

@@ -122,8 +122,8 @@ def test_command_and_rest_return_equal_numbers(
     assert answer.status_code == 200, answer.text
     document = AnalysisSchema.model_validate_json(answer.content)
     assert tuple(document.columns) == KINDS[kind].columns
-    assert document.descriptions.keys() == {*document.columns, *document.figures}
-    assert document.figures, "how good it is"
+    assert document.descriptions.keys() == {*document.columns, *document.scalars}
+    assert document.scalars, "how good it is"
     options = [part for name, value in parameters.items() for part in (f"--{name.replace('_', '-')}", str(value))]
     place = ["--folder", str(bench.folder), "--json"]
     assert main(["analyse", kind, RUN, *options, *place]) == 0
@@ -228,9 +228,9 @@ def test_orbits_equal_library_results_and_sum_up(bench: RecordedBench, reader: R
     rest = npz_columns(bench, "orbit", speed_rpm=7000, filter="without", orders="1")
     total = one["Y_um"] + rest["Y_um"]
     close(total - total.mean(), direct["Y_um"] - direct["Y_um"].mean(), atol=1e-6)
-    figures = bench.get("/analyses/orbit", speed_rpm=7000, filter="orders").json()["figures"]
-    assert np.hypot(one["X_um"], one["Y_um"]).max() == pytest.approx(figures["major_peak_um"], rel=0.01)
-    assert figures["sigma_peak_um"] < 0.1
+    scalars = bench.get("/analyses/orbit", speed_rpm=7000, filter="orders").json()["scalars"]
+    assert np.hypot(one["X_um"], one["Y_um"]).max() == pytest.approx(scalars["major_peak_um"], rel=0.01)
+    assert scalars["sigma_peak_um"] < 0.1
 
 
 def test_average_and_keyphasor_points_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:

@@ -60,7 +60,7 @@ class FakeRunControl:
         if self.live.update is None:
             return None
         return MarkerSchema(
-            kind=MarkerKind.WORD, text=text, segment=0, time_s=1.0, marked_at=utc_time(1_795_511_527_250_000_000)
+            kind=MarkerKind.NOTE, text=text, segment=0, time_s=1.0, marked_at=utc_time(1_795_511_527_250_000_000)
         )
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:

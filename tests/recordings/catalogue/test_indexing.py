@@ -71,14 +71,14 @@ def ids(found: list[object]) -> list[str]:
     return [str(getattr(entry, "id", entry)) for entry in found]
 
 
-def test_index_reports_new_changed_damaged_and_vanished_files(tmp_path: Path, record: Record) -> None:
+def test_index_reports_new_changed_damaged_and_missing_files(tmp_path: Path, record: Record) -> None:
     catalogue = Catalogue(tmp_path)
     for name in ("a", "b", "c"):
         record(name)
     report = catalogue.index(summarise)
-    assert (report.new, report.changed, report.vanished, report.damaged) == (("a", "b", "c"), (), (), ())
+    assert (report.new, report.changed, report.missing, report.damaged) == (("a", "b", "c"), (), (), ())
     again = catalogue.index(summarise)
-    assert (again.new, again.changed, again.vanished, again.damaged, again.unchanged) == ((), (), (), (), 3)
+    assert (again.new, again.changed, again.missing, again.damaged, again.unchanged) == ((), (), (), (), 3)
 
     a = tmp_path / "a.mcap"
     a.write_bytes(a.read_bytes()[:-1000])
@@ -90,9 +90,9 @@ def test_index_reports_new_changed_damaged_and_vanished_files(tmp_path: Path, re
     for user in (Catalogue(tmp_path), catalogue):
         report = user.index(summarise)
         if user is not catalogue:  # the first to index updates the shared database
-            assert (report.new, report.changed, report.vanished) == (("d", "text"), ("a",), ("b",))
+            assert (report.new, report.changed, report.missing) == (("d", "text"), ("a",), ("b",))
         else:
-            assert (report.new, report.changed, report.vanished, report.unchanged) == ((), (), (), 4)
+            assert (report.new, report.changed, report.missing, report.unchanged) == ((), (), (), 4)
         assert report.damaged == ("a", "text")
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from daq.cli.commands import rig_parser
 from daq.cli.main import main
-from daq.cli.output.progress import Console, status_line
+from daq.cli.output.progress import TerminalOutput, status_line
 from daq.cli.output.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
 from tests.daq.support.live_updates import make_live_updates
 
@@ -39,7 +39,7 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
 def test_status_line_is_rewritten_within_the_terminal_width_with_the_most_important_parts() -> None:
     long = replace(UPDATE, status=replace(UPDATE.status, model="computing 43 %", skipped=12_345))
     terminal = Terminal()
-    console = Console(terminal)
+    console = TerminalOutput(terminal)
     for _ in range(3):
         console.progress(status_line(long))
     lines = terminal.getvalue().split("\r")[1:]
@@ -74,7 +74,7 @@ def test_lines_in_a_file_are_not_wrapped(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_progress_in_a_file_starts_at_one_per_cent() -> None:
     file = io.StringIO()
-    console = Console(file)
+    console = TerminalOutput(file)
     for part in (0.001, 0.25, 0.5):
         console.progress("reading", part)
     assert file.getvalue() == "reading: 25 %\n"

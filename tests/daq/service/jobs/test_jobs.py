@@ -113,7 +113,7 @@ def test_summary_job_returns_the_summary_of_route_and_command(
 def test_reanalysis_job_reproduces_the_live_results(bench: RecordedBench) -> None:
     with RunReader(bench.folder / f"{RUN}.mcap") as reader:
         expected = summary_schema(summarise(reader)).model_dump(mode="json")
-    made = run_job(bench, kind="analysis", run=RUN).json()
+    made = run_job(bench, kind="reanalysis", run=RUN).json()
     assert made["by_speed"] == expected["by_speed"]
 
 
@@ -122,7 +122,7 @@ def test_reanalysis_job_uses_a_corrected_calibration(bench: RecordedBench) -> No
     doubled = {
         "calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}
     }
-    made = run_job(bench, kind="analysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
+    made = run_job(bench, kind="reanalysis", run=RUN, calibrations={"x": doubled}).json()["by_speed"][0]["order_1x"]
     assert made["amplitude_peak_x_um"] != plain["amplitude_peak_x_um"]
     assert made["amplitude_peak_y_um"] == pytest.approx(plain["amplitude_peak_y_um"], rel=0.05)
 
@@ -214,7 +214,7 @@ def test_recovery_job_lists_the_recovered_copy(bench: RecordedBench) -> None:
 
 def test_index_job_reports_changes(bench: RecordedBench) -> None:
     made = run_job(bench, kind="index", verify=True).json()
-    assert RUN not in made["vanished"]
+    assert RUN not in made["missing"]
     assert Catalogue(bench.folder).run(RUN).verdict == "sound"
 
 
@@ -262,8 +262,8 @@ def test_result_of_a_failed_or_unfinished_job_is_a_conflict(bench: RecordedBench
         ({"kind": "result", "run": RUN, "path": "trend", "parameters": {"entries": 0}}, (422, "invalid-parameter")),
         ({"kind": "result", "run": RUN, "path": "findings", "parameters": {"rows": 3}}, (422, "invalid-parameter")),
         ({"kind": "washing", "run": RUN}, (422, "invalid-parameter")),
-        ({"kind": "analysis", "run": RUN, "calibrations": {"x": {"point": []}}}, (422, "invalid-parameter")),
-        ({"kind": "analysis", "run": RUN, "calibrations": {"z": LINEAR}}, (422, "invalid-parameter")),
+        ({"kind": "reanalysis", "run": RUN, "calibrations": {"x": {"point": []}}}, (422, "invalid-parameter")),
+        ({"kind": "reanalysis", "run": RUN, "calibrations": {"z": LINEAR}}, (422, "invalid-parameter")),
         ({"kind": "prediction", "run": RUN, "viscosity_pa_s": -1}, (422, "invalid-parameter")),
     ],
 )  # fmt: skip
