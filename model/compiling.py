@@ -2,11 +2,12 @@
 
 import hashlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.extending import overload
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -46,3 +47,27 @@ class Compiler:
             return cast("Callable[P, R]", decorate(function, cache=True, **options))
         except RuntimeError:  # no writable cache folder, neither beside the source nor in the user's cache
             return cast("Callable[P, R]", decorate(function, **options))
+
+
+def selected_by_type(kernels: Mapping[Any, Callable[..., R]]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator: in compiled code, the type of the first argument selects the kernel that is called.
+
+    Numba cannot cache code with functions as arguments; a type costs nothing at run time. Interpreted code calls the
+    decorated function itself.
+
+    Parameters
+    ----------
+    kernels : mapping
+        Type of the first argument, a NamedTuple, to the compiled function of the other arguments.
+    """
+
+    def decorated(function: Callable[P, R]) -> Callable[P, R]:
+        def selected(first: Any, *_others: Any) -> Callable[..., R]:
+            kernel = kernels[first.instance_class]
+            return lambda first, *others: kernel(*others)  # noqa: ARG005  # numba requires equal signatures
+
+        options = {"nogil": True, "error_model": "numpy", "forceinline": True}
+        cast("Callable[..., Any]", overload)(function, jit_options=options, strict=False)(selected)
+        return function
+
+    return decorated

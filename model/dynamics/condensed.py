@@ -13,15 +13,15 @@ from model.dynamics import forces, modal_system, state
 from model.dynamics.forces import support_force, support_force_derivatives, wall_force, wall_force_derivatives
 from model.dynamics.modal_system import Constraints, Films
 from model.dynamics.state import MotionState, Workspace
-from model.films import capone_kernel
-from model.films.capone_kernel import MIN_WALL_MARGIN, capone_force, capone_force_derivatives
+from model.films import film_kernels
+from model.films.film_kernels import MIN_WALL_MARGIN, ForceLaw, film_force, film_force_derivatives
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
 NEWTON_ITERATIONS = 25
 
-compiler = Compiler(capone_kernel, forces, state, modal_system)
+compiler = Compiler(film_kernels, forces, state, modal_system)
 
 
 @compiler.inlined
@@ -45,18 +45,19 @@ def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArra
 @compiler.inlined
 def _inner_film_arguments(
     films: Films, body: int, ring: int, speed: float, bodies: ComplexArray
-) -> tuple[complex, complex, float, float, float]:
-    # Arguments of capone_force for a journal in its ring
+) -> tuple[ForceLaw, complex, complex, float, float, float]:
+    # Arguments of film_force for a journal in its ring
     position, rate = bodies[0, body] - bodies[0, ring], bodies[1, body] - bodies[1, ring]
-    return position, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
+    return films.law, position, rate, films.inner_clearance, films.inner_speed * speed, films.inner_factor
 
 
 @compiler.inlined
 def _outer_film_arguments(
     films: Films, ring: int, speed: float, bodies: ComplexArray
-) -> tuple[complex, complex, float, float, float]:
-    # Arguments of capone_force for a ring in the housing
-    return bodies[0, ring], bodies[1, ring], films.outer_clearance, films.outer_speed * speed, films.outer_factor
+) -> tuple[ForceLaw, complex, complex, float, float, float]:
+    # Arguments of film_force for a ring in the housing
+    position, rate = bodies[0, ring], bodies[1, ring]
+    return films.law, position, rate, films.outer_clearance, films.outer_speed * speed, films.outer_factor
 
 
 @compiler.inlined
@@ -64,8 +65,8 @@ def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, force
     # Forces of the films at the present positions
     for b in range(2):
         r = n + b
-        inner = capone_force(*_inner_film_arguments(films, b, r, speed, bodies))
-        outer = capone_force(*_outer_film_arguments(films, r, speed, bodies))
+        inner = film_force(*_inner_film_arguments(films, b, r, speed, bodies))
+        outer = film_force(*_outer_film_arguments(films, r, speed, bodies))
         forces[b], forces[r] = inner, outer - inner
 
 
@@ -121,13 +122,13 @@ def _film_derivatives(
             derivatives,
             b,
             r,
-            capone_force_derivatives(velocity_ratio, *_inner_film_arguments(films, b, r, speed, bodies)),
+            film_force_derivatives(velocity_ratio, *_inner_film_arguments(films, b, r, speed, bodies)),
         )
         _add_derivative(
             derivatives,
             r,
             -1,
-            capone_force_derivatives(velocity_ratio, *_outer_film_arguments(films, r, speed, bodies)),
+            film_force_derivatives(velocity_ratio, *_outer_film_arguments(films, r, speed, bodies)),
         )
 
 

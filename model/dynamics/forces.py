@@ -98,7 +98,7 @@ def wall_force_derivatives(
     position, velocity, speed, sizes : complex, float and ndarray
         As for ``wall_force``.
     velocity_ratio : complex
-        As for ``capone_force_derivatives``.
+        As for ``film_force_derivatives``.
     """
     start, reach = wall_force(position, velocity, speed, sizes), 1e-7 * sizes[0]
     in_x = reach if position.real > 0 else -reach  # into the wall

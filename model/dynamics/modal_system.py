@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.dynamics.state import NO_LEVEL, MotionState, NewmarkMatrices
-from model.films.capone_kernel import MIN_WALL_MARGIN
+from model.films.film_kernels import FORCE_LAWS, MIN_WALL_MARGIN, ForceLaw
 from model.linear.modes import free_modes
 from model.rotor.parameters import FloatingRing, ModelParameters
 from model.rotor.supports import SupportCoefficients
@@ -67,6 +67,8 @@ class Films(NamedTuple):
         Radial clearances, m.
     inner_speed, outer_speed : float
         Sum of the surface speeds of a film over the shaft speed.
+    law : ForceLaw
+        Force law of both films.
     """
 
     inner_factor: float
@@ -75,6 +77,7 @@ class Films(NamedTuple):
     outer_clearance: float
     inner_speed: float
     outer_speed: float
+    law: ForceLaw
 
 
 class Rings(NamedTuple):
@@ -257,6 +260,7 @@ def _films(bearing: FloatingRing) -> Films:
         outer_clearance=bearing.outer_clearance,
         inner_speed=1 + ring * bearing.ring_inner_radius / bearing.journal_radius,  # surface speeds of ring and journal
         outer_speed=ring,
+        law=FORCE_LAWS[bearing.film_model],
     )
 
 

@@ -12,7 +12,7 @@ from model.dynamics import condensed, forces, modal_system, state
 from model.dynamics.condensed import solve
 from model.dynamics.modal_system import Constraints, ModalShaft, Parts, Rings
 from model.dynamics.state import NO_LEVEL, MotionState, NewmarkMatrices, Workspace
-from model.films import capone_kernel
+from model.films import film_kernels
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -20,7 +20,7 @@ ComplexArray = NDArray[np.complex128]
 NO_FAILURE = -1
 MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # shaft rotation per time step, rad
 
-compiler = Compiler(condensed, capone_kernel, forces, state, modal_system)
+compiler = Compiler(condensed, film_kernels, forces, state, modal_system)
 
 
 @compiler.inlined

@@ -14,8 +14,8 @@ from scipy.optimize import brentq
 
 from model.errors import EquilibriumError
 from model.films.film import Film, bearing_films
-from model.films.short_film import CaponeForm, capone_components
-from model.rotor.parameters import GRAVITY, FloatingRing
+from model.films.short_film import CaponeForm, force_components
+from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing
 from model.rotor.rotor import require_positive
 
 FloatArray = NDArray[np.float64]
@@ -51,19 +51,21 @@ class LinearCoefficients:
         return np.asarray(self.stiffness + 1j * whirl_speed * self.damping)
 
 
-def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
+def short_film_ratios(eccentricity: float, model: FilmModel = FilmModel.CAPONE) -> tuple[FloatArray, FloatArray]:
     """Return the dimensionless coefficients of the infinitely short film.
 
     Parameters
     ----------
     eccentricity : float
         Ratio, above 0 and below 1.
+    model : FilmModel, optional
+        Force law.
 
     Returns
     -------
     tuple of ndarray, shape (2, 2)
-        Stiffness over W / C and damping over W / (C w), with load W and sum w of the surface speeds; Friswell et al.,
-        Dynamics of Rotating Machines, section 5.5.
+        Stiffness over W / C and damping over W / (C w), with load W and sum w of the surface speeds; with cavity from
+        Friswell et al., Dynamics of Rotating Machines, section 5.5.
 
     Raises
     ------
@@ -73,6 +75,9 @@ def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
     _require_inside(eccentricity)
     e, pi = eccentricity, math.pi
     s = math.sqrt(1 - e**2)
+    if model is FilmModel.FULL_SOMMERFELD:
+        steep = (1 + 2 * e**2) / (e * s**2)
+        return np.array([[0.0, 1 / e], [-steep, 0.0]]), np.array([[2 * steep, 0.0], [0.0, 2 / e]])
     h0 = (pi**2 * (1 - e**2) + 16 * e**2) ** -1.5
     a_xx = 4 * h0 * (pi**2 * (2 - e**2) + 16 * e**2)
     a_xy = pi * h0 * (pi**2 * (1 - e**2) ** 2 - 16 * e**4) / (e * s)
@@ -84,16 +89,20 @@ def short_film_ratios(eccentricity: float) -> tuple[FloatArray, FloatArray]:
     return np.array([[a_xx, a_xy], [a_yx, a_yy]]), np.array([[b_xx, b_xy], [b_xy, b_yy]])
 
 
-def short_film_load(eccentricity: float) -> float:
+def short_film_load(eccentricity: float, model: FilmModel = FilmModel.CAPONE) -> float:
     """Return the static load of the infinitely short film over `Film.factor` times w."""
     _require_inside(eccentricity)
     e = eccentricity
+    if model is FilmModel.FULL_SOMMERFELD:
+        return 2 * math.pi * e / math.sqrt(1 - e**2) ** 3
     return 4 * e / (1 - e**2) ** 2 * math.sqrt(e**2 + (math.pi / 4) ** 2 * (1 - e**2))
 
 
-def short_film_attitude(eccentricity: float) -> float:
+def short_film_attitude(eccentricity: float, model: FilmModel = FilmModel.CAPONE) -> float:
     """Return the attitude angle, from the load to the displacement in the direction of rotation, rad."""
     _require_inside(eccentricity)
+    if model is FilmModel.FULL_SOMMERFELD:
+        return math.pi / 2
     return math.atan2(math.pi * math.sqrt(1 - eccentricity**2), 4 * eccentricity)
 
 
@@ -103,7 +112,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     Parameters
     ----------
     film : Film
-        Sizes and viscosity.
+        Sizes, viscosity and film model.
     load : float
         Downwards, N.
     surface_speed : float
@@ -123,15 +132,20 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     require_positive("load", load, "N")
     require_positive("surface_speed", surface_speed, "rad/s")
     target = load / (film.factor * surface_speed)
-    if target >= short_film_load(MAX_ECCENTRICITY):
+    maximum = short_film_load(MAX_ECCENTRICITY, film.model)
+    if target >= maximum:
         raise EquilibriumError(
             f"load: {load:g} N presses the inner body to {MAX_ECCENTRICITY} of its clearance, expected less than "
-            f"{short_film_load(MAX_ECCENTRICITY) * film.factor * surface_speed:g} N"
+            f"{maximum * film.factor * surface_speed:g} N"
         )
-    lightest = 1e-3 * target / math.pi  # the load is pi times a small eccentricity, and grows faster
-    eccentricity = brentq(lambda e: short_film_load(e) - target, min(lightest, 0.5), MAX_ECCENTRICITY, xtol=1e-15)
-    stiffness, damping = short_film_ratios(eccentricity)
-    angle = short_film_attitude(eccentricity) - math.pi / 2
+    lightest = (
+        1e-3 * target / math.pi
+    )  # the load is pi (2 pi without cavity) times a small eccentricity, and grows faster
+    eccentricity = brentq(
+        lambda e: short_film_load(e, film.model) - target, min(lightest, 0.5), MAX_ECCENTRICITY, xtol=1e-15
+    )
+    stiffness, damping = short_film_ratios(eccentricity, film.model)
+    angle = short_film_attitude(eccentricity, film.model) - math.pi / 2
     position = eccentricity * film.clearance * complex(math.cos(angle), math.sin(angle))
     unit = load / film.clearance
     return LinearCoefficients(position, complex(0.0, load), unit * stiffness, unit / surface_speed * damping)
@@ -140,18 +154,18 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
 def differentiated_coefficients(
     film: Film, position: complex, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
 ) -> LinearCoefficients:
-    """Return the coefficients of Capone's force at rest by complex-step differentiation, exact to rounding.
+    """Return the coefficients of a film force at rest by complex-step differentiation, exact to rounding.
 
     Parameters
     ----------
     film : Film
-        Sizes and viscosity.
+        Sizes, viscosity and film model.
     position : complex
         Of the inner body relative to the outer one, X + i Y, m; not the centre, where a static film has no force.
     surface_speed : float
         w, rad/s.
     form : CaponeForm, optional
-        Form of the force; at rest both have the same coefficients.
+        Form of Capone's force; at rest both have the same coefficients.
 
     Returns
     -------
@@ -166,17 +180,16 @@ def differentiated_coefficients(
     if not (math.isfinite(surface_speed) and surface_speed != 0):
         raise ValueError(f"surface_speed: {surface_speed:g} rad/s, expected a finite value other than 0")
     rest = np.array([position.real / film.clearance, position.imag / film.clearance, 0.0, 0.0], dtype=np.complex128)
-    along_x, along_y = capone_components(rest[0], rest[1], rest[2], rest[3], surface_speed, form)
+    along_x, along_y = force_components(film.model, (rest[0], rest[1], rest[2], rest[3]), surface_speed, form)
     slopes = np.empty((2, 4))
     for coordinate in range(4):
         state = rest.copy()
         state[coordinate] += 1j * COMPLEX_STEP
-        slopes[:, coordinate] = (
-            np.imag(capone_components(state[0], state[1], state[2], state[3], surface_speed, form)) / COMPLEX_STEP
-        )
+        force = force_components(film.model, (state[0], state[1], state[2], state[3]), surface_speed, form)
+        slopes[:, coordinate] = np.imag(force) / COMPLEX_STEP
     unit = film.factor / film.clearance
-    force = film.factor * complex(along_x.real, along_y.real)
-    return LinearCoefficients(position, force, -unit * slopes[:, :2], -unit * slopes[:, 2:])
+    static_force = film.factor * complex(along_x.real, along_y.real)
+    return LinearCoefficients(position, static_force, -unit * slopes[:, :2], -unit * slopes[:, 2:])
 
 
 def series_impedance(

@@ -50,7 +50,7 @@ def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayL
     Parameters
     ----------
     film : Film
-        Sizes and viscosity.
+        Sizes, viscosity and model of the short film.
     surface_speed : float
         Sum of the angular speeds of both surfaces, rad/s.
     eccentricities : array_like, shape (n,)

@@ -1,13 +1,13 @@
-"""The two oil films of a floating-ring bearing in series, with Capone's short-bearing force."""
+"""The two oil films of a floating-ring bearing in series, with the short-bearing force of a film model."""
 
 import cmath
 import math
 from dataclasses import dataclass
 
 from analysis.signals.units import MICROMETRE
-from model.films.capone_kernel import MIN_WALL_MARGIN, capone_force
-from model.films.short_film import CaponeForm, capone_forces
-from model.rotor.parameters import FloatingRing
+from model.films.film_kernels import FORCE_LAWS, MIN_WALL_MARGIN, film_force
+from model.films.short_film import CaponeForm, capone_forces, require_capone
+from model.rotor.parameters import FilmModel, FloatingRing
 from model.rotor.rotor import require_positive
 
 
@@ -25,6 +25,8 @@ class Film:
         Radial, m.
     viscosity : float
         Pa s.
+    model : FilmModel
+        Force law of the short film.
 
     Raises
     ------
@@ -36,6 +38,7 @@ class Film:
     length: float
     clearance: float
     viscosity: float
+    model: FilmModel = FilmModel.CAPONE
 
     def __post_init__(self) -> None:
         for name, unit in (("radius", "m"), ("length", "m"), ("clearance", "m"), ("viscosity", "Pa s")):
@@ -60,17 +63,17 @@ class Film:
         surface_speed : float
             Sum of the angular speeds of both surfaces, rad/s.
         form : CaponeForm, optional
-            The exact force, or the form printed in the thesis.
+            The exact force, or, for Capone's model, the form printed in the thesis.
 
         Returns
         -------
         complex
-            X + i Y, N; thesis eq. (4.38), with F corrected unless ``form`` is the printed one.
+            X + i Y, N; for Capone's model thesis eq. (4.38), with F corrected unless ``form`` is the printed one.
 
         Raises
         ------
         ValueError
-            If the position is at or beyond the wall, or velocity or speed are not finite.
+            If the position is at or beyond the wall, velocity or speed are not finite, or the model has no such form.
         """
         eccentricity = abs(position) / self.clearance
         if not 1 - eccentricity**2 >= MIN_WALL_MARGIN:
@@ -81,9 +84,11 @@ class Film:
         if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
             raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")
         if form is CaponeForm.AS_PRINTED:
+            require_capone(self.model)
             moving = velocity / self.clearance
             return complex(self.factor * capone_forces(position / self.clearance, moving, float(surface_speed), form))
-        return capone_force(complex(position), complex(velocity), self.clearance, float(surface_speed), self.factor)
+        law = FORCE_LAWS[self.model]
+        return film_force(law, complex(position), complex(velocity), self.clearance, float(surface_speed), self.factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +111,10 @@ class FilmPair:
 
 def bearing_films(bearing: FloatingRing) -> FilmPair:
     """Return the films of a floating-ring bearing, with the ring speed of eq. (3.25)."""
-    ratio = bearing.ring_speed_ratio
+    ratio, viscosity, model = bearing.ring_speed_ratio, bearing.viscosity, bearing.film_model
     return FilmPair(
-        inner=Film(bearing.journal_radius, bearing.length, bearing.inner_clearance, bearing.viscosity),
-        outer=Film(bearing.ring_outer_radius, bearing.length, bearing.outer_clearance, bearing.viscosity),
+        inner=Film(bearing.journal_radius, bearing.length, bearing.inner_clearance, viscosity, model),
+        outer=Film(bearing.ring_outer_radius, bearing.length, bearing.outer_clearance, viscosity, model),
         inner_speed=1 + ratio * bearing.ring_inner_radius / bearing.journal_radius,
         outer_speed=ratio,
     )

@@ -1,5 +1,7 @@
 """Linear coefficients and equilibrium of a film of finite length, by perturbation: (4.22)-(4.35)."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse.linalg import splu
 
@@ -8,6 +10,7 @@ from model.films.coefficients import LinearCoefficients, short_film_coefficients
 from model.films.film import Film
 from model.films.finite_film import pressure_unit, slenderness, solve_reynolds, thickness
 from model.films.grid import Flow, Grid
+from model.rotor.parameters import FilmModel
 
 
 def perturbed_coefficients(
@@ -88,7 +91,8 @@ def finite_film_equilibrium(
     EquilibriumError
         If Newton's method does not converge within the clearance.
     """
-    position = short_film_coefficients(film, load, surface_speed).position
+    cavitated = replace(film, model=FilmModel.CAPONE)  # as the film of finite length
+    position = short_film_coefficients(cavitated, load, surface_speed).position
     for _ in range(max_steps):
         found = perturbed_coefficients(film, position, surface_speed, grid)
         missing = found.force - 1j * load

@@ -1,8 +1,9 @@
-"""The infinitely short oil film: the three force laws of section 2.1.4 of the thesis, for arrays of states.
+"""The infinitely short oil film: the force laws of section 2.1.4 of the thesis and the 2π film, for arrays of states.
 
 In a short film the oil flows in axial direction only. Its closed form depends on which half of the film carries
 pressure. In (2.4) it is the converging half, independent of the velocity. In Capone's film it is the half with positive
 pressure, which moves with the velocity; (2.7) is its form in Cartesian, (2.9) in polar coordinates.
+Without a cavity (full Sommerfeld or 2π film) the full circumference carries positive and negative pressure.
 
 Positions are complex, ``X + i Y``, in clearances; velocities in clearances per second; speeds in rad/s. Forces are in
 rad/s, to be multiplied by ``mu R L³ / (4 C²)`` (`Film.factor`, N s), so that a film without rotation needs no special
@@ -14,6 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from model.rotor.parameters import FilmModel
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -75,6 +78,50 @@ def capone_components(
     along_x = -s / u * (3 * x * V - sin_a * G - 2 * cos_a * F)
     along_y = -s / u * (3 * y * V + cos_a * G - 2 * sin_a * F)  # Eq. (2.7); second sign before cos a G corrected
     return np.where(moves, along_x, 0.0), np.where(moves, along_y, 0.0)
+
+
+def full_sommerfeld_components(
+    x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float
+) -> tuple[Numbers, Numbers]:
+    """Return the force of the short film without cavity; parameters and result as for `capone_components`."""
+    u = 1 - x * x - y * y
+    scale = 4 * np.pi / (u * np.sqrt(u))
+    squeeze = 3 * (x * x_rate + y * y_rate) / u
+    along_x = scale * (-surface_speed * y / 2 - x_rate - squeeze * x)
+    along_y = scale * (surface_speed * x / 2 - y_rate - squeeze * y)  # integral of (2.6) over the full circumference
+    return along_x, along_y
+
+
+def force_components(
+    model: FilmModel,
+    state: tuple[Numbers, Numbers, Numbers, Numbers],
+    surface_speed: float,
+    form: CaponeForm = CaponeForm.EXACT,
+) -> tuple[Numbers, Numbers]:
+    """Return the force of a film model in X and Y, rad/s.
+
+    Parameters
+    ----------
+    model : FilmModel
+        Force law.
+    state : tuple of ndarray
+        x, y, x_rate and y_rate as for `capone_components`.
+    surface_speed : float
+        w, rad/s.
+    form : CaponeForm, optional
+        Form of Capone's force.
+    """
+    if model is FilmModel.FULL_SOMMERFELD:
+        if form is CaponeForm.AS_PRINTED:
+            require_capone(model)
+        return full_sommerfeld_components(*state, surface_speed)
+    return capone_components(*state, surface_speed, form)
+
+
+def require_capone(model: FilmModel) -> None:
+    """Raise ValueError for the printed form of another film model than Capone's."""
+    if model is not FilmModel.CAPONE:
+        raise ValueError(f"form: as printed, with film model {model}, expected film model {FilmModel.CAPONE}")
 
 
 def capone_forces(

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
 from model.errors import ParameterError
 from model.rotor.rotor import Rotor, require_positive
@@ -9,6 +10,13 @@ from model.rotor.rub import Rub
 from model.rotor.supports import StaticLoad, Support
 
 GRAVITY = 9.80665  # m/s²
+
+
+class FilmModel(StrEnum):
+    """Force law of the oil films."""
+
+    CAPONE = "capone"  # cavitated short film, pressure where it is positive (4.38)
+    FULL_SOMMERFELD = "full-sommerfeld"  # short film without cavity (2π film)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +39,8 @@ class FloatingRing:
         Dynamic viscosity of the oil in both films, Pa s.
     static_load : float
         Force of the oil feed on each ring towards -Y, in addition to its weight, N.
+    film_model : FilmModel
+        Force law of both films.
 
     Raises
     ------
@@ -46,6 +56,7 @@ class FloatingRing:
     ring_mass: float
     viscosity: float
     static_load: float = 0.0
+    film_model: FilmModel = FilmModel.CAPONE
 
     def __post_init__(self) -> None:
         sizes = ("length", "journal_radius", "inner_clearance", "outer_clearance", "ring_outer_radius")

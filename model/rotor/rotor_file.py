@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeVar
 
 from model.errors import ParameterError
-from model.rotor.parameters import GRAVITY, FloatingRing, Imbalance, ModelParameters
+from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.rub import Rub
 from model.rotor.supports import StaticLoad, Support, SupportCoefficients
@@ -223,10 +223,11 @@ def _bearing(root: Table, faults: list[str]) -> FloatingRing | None:
     ring_radius = table.number("ring_outer_radius", "radius")
     ring_mass, viscosity = table.number("ring_mass", "mass"), table.number("viscosity", "viscosity")
     load = table.number("static_load", "force", 0.0, "any")
+    film_model = FilmModel(table.text("film_model", FilmModel.CAPONE.value, [one.value for one in FilmModel]))
     return _build(
         table,
         faults,
-        lambda: FloatingRing(length, journal_radius, inner, outer, ring_radius, ring_mass, viscosity, load),
+        lambda: FloatingRing(length, journal_radius, inner, outer, ring_radius, ring_mass, viscosity, load, film_model),
     )
 
 

@@ -10,12 +10,16 @@ from model.films.comparison import compare_film_models
 from model.films.film import bearing_films
 from model.films.grid import Grid
 from model.films.lubrication import Lubrication, RingEquilibrium
-from model.rotor.parameters import FloatingRing
+from model.rotor.parameters import FilmModel, FloatingRing
 from model.studies.linear import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]
 
+CAVITY_NOTES = {
+    FilmModel.CAPONE: "short and finite film cavitate at zero pressure (half film; Reynolds condition)",
+    FilmModel.FULL_SOMMERFELD: "the finite film cavitates (Reynolds condition), the short film does not",
+}
 AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
 
@@ -80,7 +84,7 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
             _coefficients("Stiffness", "k", "N/m", e, stiffness),
             _coefficients("Damping", "c", "N s/m", e, damping),
         ),
-        ("short and finite film cavitate at zero pressure (half film; Reynolds condition)",),
+        (CAVITY_NOTES[bearing.film_model],),
     )
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from analysis.signals.units import MICROMETRE, MILLIMETRE
 from model.errors import ParameterError
@@ -14,7 +14,8 @@ from model.rotor.supports import SupportCoefficients
 
 def _bearing(field: str, factor: float) -> Callable[[ModelParameters, float], ModelParameters]:
     def change(parameters: ModelParameters, value: float) -> ModelParameters:
-        return replace(parameters, bearing=replace(parameters.floating_ring, **{field: value * factor}))
+        changed: dict[str, Any] = {field: value * factor}
+        return replace(parameters, bearing=replace(parameters.floating_ring, **changed))
 
     return change
 

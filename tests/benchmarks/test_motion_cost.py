@@ -12,7 +12,7 @@ from analysis.signals.header import AnalysisSettings
 from analysis.signals.units import RPM
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
-from model.films.capone_kernel import capone_force
+from model.films.film_kernels import capone_force
 from model.prediction.prediction_map import compute_prediction_map, default_map_speeds
 from model.rotor.gj90c import gj90c
 

@@ -15,13 +15,16 @@ with event.install_recorder("numba:compile") as compiled:
     {act}
 print(len(compiled.buffer))
 """
-ONE_FORCE = "from model.films.capone_kernel import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
+ONE_FORCE = "from model.films.film_kernels import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
 FORCES = """
     import numpy as np
     from model.dynamics.condensed import bearing_forces
     from model.rotor.gj90c import gj90c
     from model.dynamics.modal_system import ModalSystem
-    bearing_forces(ModalSystem.from_parameters(gj90c()).films, None, 1000.0, np.full((2, 4), 1e-6 + 0j))
+    from model.films.film_kernels import FORCE_LAWS
+    films = ModalSystem.from_parameters(gj90c()).films
+    for law in FORCE_LAWS.values():
+        bearing_forces(films._replace(law=law), None, 1000.0, np.full((2, 4), 1e-6 + 0j))
 """
 WHOLE_START = """
     import numpy as np
@@ -72,7 +75,7 @@ def test_change_of_an_imported_file_invalidates_the_cache(site: Path, tmp_path: 
     home.mkdir()
     assert compilations(FORCES, site, home, tmp_path) > 0
     assert compilations(FORCES, site, home, tmp_path) == 0
-    changed = site / "model" / "films" / "capone_kernel.py"
+    changed = site / "model" / "films" / "film_kernels.py"
     text = changed.read_text(encoding="utf-8")
     changed.write_text(text.replace("scale = -factor * s / u", "scale = -2 * factor * s / u"), encoding="utf-8")
     assert compilations(FORCES, site, home, tmp_path) > 0

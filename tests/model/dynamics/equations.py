@@ -39,7 +39,7 @@ def _rates(
 ) -> ComplexArray:
     squared_frequencies, gyroscopic, journals, _, imbalance, weight = shaft
     m, n = squared_frequencies.size, state.size // 2  # modes; modes and rings
-    inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin = films
+    inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin, _ = films
     out = np.empty(state.size, np.complex128)
     turning = speed * speed * complex(math.cos(speed * time), math.sin(speed * time))
     for k in range(m):

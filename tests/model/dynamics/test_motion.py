@@ -15,7 +15,7 @@ from model.errors import WallContactError
 from model.films.film import bearing_films
 from model.linear.modes import free_modes
 from model.rotor.gj90c import gj90c
-from model.rotor.parameters import Imbalance, ModelParameters
+from model.rotor.parameters import FilmModel, Imbalance, ModelParameters
 
 FloatArray = NDArray[np.float64]
 
@@ -63,8 +63,10 @@ def written_out(parameters: ModelParameters, speed: float, times: FloatArray) ->
     return np.stack((path.real, path.imag))
 
 
-def test_motion_equals_the_solution_of_scipy(default: ModelParameters) -> None:
-    parameters = replace(default, imbalances=(Imbalance(5, 8e-7, 0.4), Imbalance(2, 3e-7, -2.0)))
+@pytest.mark.parametrize("model", list(FilmModel))
+def test_motion_equals_the_solution_of_scipy(default: ModelParameters, model: FilmModel) -> None:
+    imbalances = Imbalance(5, 8e-7, 0.4), Imbalance(2, 3e-7, -2.0)
+    parameters = replace(default, bearing=replace(default.floating_ring, film_model=model), imbalances=imbalances)
     speed = 1100.0
     angle, speeds, step = turning(speed, 5, 128)
     path = ShaftMotion(parameters, speed, 0).advance(angle, speeds, step)

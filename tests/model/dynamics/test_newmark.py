@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import model.dynamics.condensed as condensed_module
 import model.dynamics.forces as forces_module
 import model.dynamics.newmark as kernel_module
-import model.films.capone_kernel as capone_module
+import model.films.film_kernels as film_module
 from model.compiling import Compiler
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[3]
 def interpreted() -> Callable[..., int]:
     """`newmark.integrate` with all functions it calls, interpreted instead of compiled."""
     names: dict[str, object] = {}
-    for module in (capone_module, forces_module, condensed_module, kernel_module):
+    for module in (film_module, forces_module, condensed_module, kernel_module):
         names |= vars(module)
     for name, value in list(names.items()):
         plain = inspect.unwrap(value) if callable(value) and hasattr(value, "py_func") else None
@@ -77,7 +77,7 @@ def test_nothing_is_compiled_on_import() -> None:
     # in a fresh interpreter: this one has compiled already
     code = (
         "import model.dynamics.newmark as k, model.dynamics.condensed as c; "
-        "functions = k.integrate, c.bearing_forces, c.bearing_force_derivatives, c.capone_force; "
+        "functions = k.integrate, c.bearing_forces, c.bearing_force_derivatives, c.film_force_derivatives; "
         "print([len(f.signatures) for f in functions])"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -7,7 +7,7 @@ import pytest
 from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError
 from model.rotor.gj90c import gj90c
-from model.rotor.parameters import ModelParameters
+from model.rotor.parameters import FilmModel, ModelParameters
 
 
 def test_vectors_are_the_circle_at_the_probe_angles(weightless: ModelParameters) -> None:
@@ -21,6 +21,15 @@ def test_vectors_are_the_circle_at_the_probe_angles(weightless: ModelParameters)
 def test_response_to_small_imbalance_is_linear() -> None:
     small, smaller = (synchronous_response(gj90c(imbalance=u), 900.0).circle for u in (2e-9, 1e-9))
     assert small == pytest.approx(2 * smaller, rel=1e-4)
+
+
+def test_film_without_cavity_acts_in_small_motion_as_one_of_twice_the_viscosity() -> None:
+    full = gj90c(imbalance=1e-9)
+    full = replace(full, bearing=replace(full.floating_ring, film_model=FilmModel.FULL_SOMMERFELD))
+    found = synchronous_response(full, 900.0)
+    expected = synchronous_response(gj90c(imbalance=1e-9, viscosity=0.03), 900.0)
+    assert found.circle == pytest.approx(expected.circle, rel=1e-4)
+    assert found.growth_rate == pytest.approx(expected.growth_rate, rel=5e-3)
 
 
 def test_start_from_a_neighbouring_speed_gives_the_same_motion(weightless: ModelParameters) -> None:

@@ -1,6 +1,7 @@
 """The eight linear coefficients: closed forms, differentiation and perturbation agree."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from model.films.grid import Flow, Grid
 from model.films.lubrication import table_3_1
 from model.films.perturbation import finite_film_equilibrium, perturbed_coefficients
 from model.films.short_film import CaponeForm
+from model.rotor.parameters import FilmModel
 
 FloatArray = NDArray[np.float64]
 
@@ -32,9 +34,9 @@ FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
 SPEED = 1000.0
 
 
-def closed(eccentricity: float) -> LinearCoefficients:
-    load = short_film_load(eccentricity) * FILM.factor * SPEED
-    return short_film_coefficients(FILM, load, SPEED)
+def closed(eccentricity: float, film: Film = FILM) -> LinearCoefficients:
+    load = short_film_load(eccentricity, film.model) * film.factor * SPEED
+    return short_film_coefficients(film, load, SPEED)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +65,19 @@ def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentric
     assert found.force == pytest.approx(expected.force, rel=1e-10)
     assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
     assert found.damping == pytest.approx(expected.damping, rel=1e-6)
+
+
+@pytest.mark.parametrize("eccentricity", ECCENTRICITIES)
+def test_differentiated_force_without_cavity_has_the_coefficients_of_the_closed_forms(eccentricity: float) -> None:
+    film = replace(FILM, model=FilmModel.FULL_SOMMERFELD)
+    expected = closed(eccentricity, film)
+    assert abs(expected.position) == pytest.approx(eccentricity * film.clearance, rel=1e-9)
+    assert film.force(expected.position, 0j, SPEED) == pytest.approx(expected.force, rel=1e-9)
+    found = differentiated_coefficients(film, expected.position, SPEED)
+    assert found.force == pytest.approx(expected.force, rel=1e-9)
+    scale = abs(expected.stiffness).max(), abs(expected.damping).max()
+    assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-9, abs=1e-12 * scale[0])
+    assert found.damping == pytest.approx(expected.damping, rel=1e-9, abs=1e-12 * scale[1])
 
 
 @pytest.mark.parametrize("eccentricity", ECCENTRICITIES)

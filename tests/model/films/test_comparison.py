@@ -1,15 +1,17 @@
 """Comparison of the film models."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from model.films.coefficients import short_film_attitude, short_film_coefficients
+from model.films.coefficients import short_film_attitude, short_film_coefficients, short_film_load
 from model.films.comparison import compare_film_models, film_from_thickest
 from model.films.film import Film
 from model.films.grid import Grid
 from model.films.perturbation import finite_film_equilibrium
+from model.rotor.parameters import FilmModel
 
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
 SPEED = 1000.0
@@ -26,6 +28,15 @@ def test_comparison_has_the_closed_forms_of_the_short_film() -> None:
         assert attitude == pytest.approx(short_film_attitude(ratio), rel=1e-9)
         assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-7)
         assert found.damping == pytest.approx(expected.damping, rel=1e-7)
+
+
+def test_comparison_uses_the_model_of_the_short_film() -> None:
+    film = replace(FILM, model=FilmModel.FULL_SOMMERFELD)
+    cavitated, full = (compare_film_models(one, SPEED, RATIOS, Grid(96, 8)) for one in (FILM, film))
+    assert full.short_attitude == pytest.approx(np.full(len(RATIOS), math.pi / 2), rel=1e-9)
+    loads = [short_film_load(ratio, film.model) * film.factor * SPEED for ratio in RATIOS]
+    assert full.short_load == pytest.approx(loads, rel=1e-9)
+    assert full.finite_load == pytest.approx(cavitated.finite_load, rel=1e-12)
 
 
 def test_comparison_has_the_equilibrium_of_the_finite_film() -> None:

@@ -1,13 +1,15 @@
 import inspect
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.films.capone_kernel import capone_force, capone_force_derivatives
 from model.films.film import Film, bearing_films
+from model.films.film_kernels import FORCE_LAWS, KERNELS, film_force, film_force_derivatives
 from model.rotor.gj90c import gj90c
+from model.rotor.parameters import FilmModel
 
 UNIT = Film(radius=1.0, length=1.0, clearance=1.0, viscosity=1.0)
 
@@ -111,10 +113,10 @@ def test_linear_coefficients_are_the_short_bearings_closed_forms(
     attitude = math.atan2(math.pi * math.sqrt(1 - e * e), 4 * e)
     position = e * complex(math.sin(attitude), -math.cos(attitude))
     load = abs(UNIT.force(position, 0j, 1.0))
-    of_x, of_y = capone_force_derivatives(0j, position, 0j, 1.0, 1.0, UNIT.factor)
+    of_x, of_y = film_force_derivatives(0j, FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor)
     found = -np.array([of_x.real, of_y.real, of_x.imag, of_y.imag]) / load
     assert found == pytest.approx(np.array(stiffness), rel=2e-4, abs=2e-4)
-    with_x, with_y = capone_force_derivatives(1.0 + 0j, position, 0j, 1.0, 1.0, UNIT.factor)
+    with_x, with_y = film_force_derivatives(1.0 + 0j, FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor)
     c_xx, c_xy, c_yy = -(with_x - of_x).real / load, -(with_y - of_y).real / load, -(with_y - of_y).imag / load
     assert (c_xx, c_xy, c_yy) == pytest.approx(damping, rel=2e-4, abs=2e-4)
 
@@ -124,12 +126,14 @@ def test_film_without_motion_has_no_force() -> None:
     assert UNIT.force(0j, 0j, 1.0) == 0
 
 
-def test_compiled_force_equals_the_interpreted_one() -> None:
-    interpreted = inspect.unwrap(capone_force)
-    assert interpreted is not capone_force
+@pytest.mark.parametrize("model", list(FilmModel))
+def test_compiled_force_equals_the_interpreted_one(model: FilmModel) -> None:
+    law = FORCE_LAWS[model]
+    interpreted = inspect.unwrap(KERNELS[type(law)])
+    assert interpreted is not KERNELS[type(law)]
     for position, velocity, surface_speed in random_states(50):
         state = (position, velocity, 1.0, surface_speed, UNIT.factor)
-        assert capone_force(*state) == pytest.approx(interpreted(*state), rel=1e-12)
+        assert film_force(law, *state) == pytest.approx(interpreted(*state), rel=1e-12)
 
 
 @pytest.mark.parametrize("position", [1.0 + 0j, 0.9 + 0.9j, complex(math.nan, 0)])
@@ -143,11 +147,12 @@ def test_position_at_or_beyond_the_wall_is_refused(position: complex) -> None:
 def test_film_refuses_a_size_that_is_not_positive(name: str) -> None:
     sizes = {"radius": 5e-3, "length": 10e-3, "clearance": 20e-6, "viscosity": 0.015, name: 0.0}
     with pytest.raises(ValueError, match=f"{name}: 0 "):
-        Film(**sizes)
+        Film(sizes["radius"], sizes["length"], sizes["clearance"], sizes["viscosity"])
 
 
 def test_bearing_films_of_a_ring_are_in_series() -> None:
-    pair = bearing_films(gj90c().floating_ring)
+    pair = bearing_films(replace(gj90c().floating_ring, film_model=FilmModel.FULL_SOMMERFELD))
+    assert {pair.inner.model, pair.outer.model} == {FilmModel.FULL_SOMMERFELD}
     assert pair.outer.radius == 9e-3
     assert pair.inner.clearance == 20e-6
     # centred whirl at half the sum of the surface speeds: 0.70X inner film, 0.20X outer film

@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from model.films.capone_kernel import capone_force
 from model.films.film import Film
-from model.films.short_film import CaponeForm, LoadedHalf, capone_forces, half_film_force, short_film_pressure
+from model.films.film_kernels import FORCE_LAWS, capone_force, film_force
+from model.films.short_film import (
+    CaponeForm,
+    LoadedHalf,
+    capone_forces,
+    force_components,
+    half_film_force,
+    short_film_pressure,
+)
+from model.rotor.parameters import FilmModel
 
 ComplexArray = NDArray[np.complex128]
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
@@ -60,6 +68,49 @@ def test_compiled_force_equals_the_exact_one() -> None:
     states = random_states(200)
     compiled = [capone_force(complex(z), complex(v), 1.0, SPEED, 1.0) for z, v in zip(*states, strict=True)]
     assert capone_forces(states.position, states.velocity, SPEED) == pytest.approx(np.array(compiled), rel=1e-12)
+
+
+def full_sommerfeld(position: complex, velocity: complex) -> complex:
+    return film_force(FORCE_LAWS[FilmModel.FULL_SOMMERFELD], complex(position), complex(velocity), 1.0, SPEED, 1.0)
+
+
+def test_full_sommerfeld_force_equals_quadrature_over_the_full_circumference() -> None:
+    theta = 2 * math.pi * np.arange(4096) / 4096  # the trapezoidal rule converges exponentially on a period
+    turn = np.exp(-1j * theta)
+    for z, v in zip(*random_states(300), strict=True):
+        squeeze = SPEED * (z * turn).imag + 2 * (v * turn).real
+        pressure = squeeze / (1 - (z * turn).real) ** 3 / 2  # (2.6) over the length
+        expected = -4 * np.mean(pressure * turn.conj()) * 2 * math.pi
+        assert full_sommerfeld(z, v) == pytest.approx(complex(expected), rel=1e-9)
+
+
+def test_full_sommerfeld_force_is_the_sum_of_both_halves_of_the_film() -> None:
+    # the pressure changes its sign with velocity and speed: the suction of one half is the pressure of the other
+    z, v = random_states(300)
+    halves = capone_forces(z, v, SPEED) - capone_forces(z, -v, -SPEED)
+    found = [full_sommerfeld(*state) for state in zip(z, v, strict=True)]
+    assert np.array(found) == pytest.approx(halves, rel=1e-9)
+
+
+def test_full_sommerfeld_force_at_rest_is_perpendicular_to_the_displacement() -> None:
+    for eccentricity in (0.1, 0.5, 0.9):
+        expected = 2j * math.pi * SPEED * eccentricity / (1 - eccentricity**2) ** 1.5
+        assert full_sommerfeld(eccentricity + 0j, 0j) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("model", list(FilmModel))
+def test_components_equal_the_compiled_force(model: FilmModel) -> None:
+    z, v = random_states(200)
+    along_x, along_y = force_components(model, (z.real, z.imag, v.real, v.imag), SPEED)
+    states = zip(z, v, strict=True)
+    compiled = [film_force(FORCE_LAWS[model], complex(p), complex(q), 1.0, SPEED, 1.0) for p, q in states]
+    assert along_x + 1j * along_y == pytest.approx(np.array(compiled), rel=1e-12)
+
+
+def test_printed_form_is_refused_without_cavity() -> None:
+    film = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015, model=FilmModel.FULL_SOMMERFELD)
+    with pytest.raises(ValueError, match=r"form: as printed, with film model full-sommerfeld, expected .* capone"):
+        film.force(1e-6 + 0j, 0j, SPEED, CaponeForm.AS_PRINTED)
 
 
 def test_printed_force_equals_the_exact_one_at_rest_and_only_there() -> None:

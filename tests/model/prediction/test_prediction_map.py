@@ -14,10 +14,11 @@ from model.prediction.prediction_map import (
     prediction_map_key,
 )
 from model.rotor.gj90c import gj90c
-from model.rotor.parameters import Imbalance, ModelParameters
+from model.rotor.parameters import FilmModel, Imbalance, ModelParameters
 
 SETTINGS = AnalysisSettings(revolutions=16, points_per_revolution=32, highest_order=4.0, orbit_revolutions=3)
 SPEEDS = np.array([600.0, 700.0, 1150.0, 1200.0])
+FULL_SOMMERFELD = replace(gj90c(), bearing=replace(gj90c().floating_ring, film_model=FilmModel.FULL_SOMMERFELD))
 
 
 def silent(done: int, total: int) -> None:
@@ -138,6 +139,7 @@ def test_default_speeds_reach_the_rigs_limit_in_steps_of_250_rpm() -> None:
         (gj90c(viscosity=0.016), SPEEDS, SETTINGS),
         (gj90c(imbalance_phase=0.1), SPEEDS, SETTINGS),
         (replace(gj90c(), imbalances=(Imbalance(5, 5e-7), Imbalance(2, 1e-8))), SPEEDS, SETTINGS),
+        (FULL_SOMMERFELD, SPEEDS, SETTINGS),
         (gj90c(), SPEEDS[1:], SETTINGS),
         (gj90c(), SPEEDS, replace(SETTINGS, revolutions=32)),
     ],

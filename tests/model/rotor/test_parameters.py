@@ -1,4 +1,5 @@
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -32,7 +33,7 @@ def test_clearance_is_the_sum_of_both_films() -> None:
         ({"inner_clearance": 1e-3}, r"inner_clearance: 0.001 m, expected a thin film"),
     ],
 )
-def test_invalid_bearing_is_refused(changes: dict[str, float], message: str) -> None:
+def test_invalid_bearing_is_refused(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         replace(gj90c().floating_ring, **changes)
 

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from model.rotor.gj90c import gj90c
+from model.rotor.parameters import FilmModel
 from model.rotor.rotor import Beam, ShaftMass
 from model.rotor.rotor_file import parse_rotor
 from model.rotor.rub import Rub
@@ -91,7 +92,7 @@ def test_supports_loads_and_shaft_mass_are_read(document: dict[str, Any]) -> Non
         "load": [{"station": 2, "y_n": -5}],
     }
     document["segment"][2] |= {"inner_radius_mm": 1, "density_g_cm3": 4.5}
-    document["bearing"]["static_load_n"] = 2
+    document["bearing"] |= {"static_load_n": 2, "film_model": "full-sommerfeld"}
     parameters = parse_rotor(document)
     rotor = parameters.rotor
     assert (rotor.beam, rotor.shaft_mass) == (Beam.TIMOSHENKO, ShaftMass.CONSISTENT)
@@ -100,6 +101,7 @@ def test_supports_loads_and_shaft_mass_are_read(document: dict[str, Any]) -> Non
     assert rotor.segments[2].poissons_ratio == 0.29
     assert parameters.loads == (StaticLoad(2, 0.0, -5.0),)
     assert parameters.floating_ring.static_load == 2.0
+    assert parameters.floating_ring.film_model is FilmModel.FULL_SOMMERFELD
     film = SupportCoefficients(((3e6, 0), (0, 3e6)), ((100, 0), (0, 80)))
     assert parameters.supports == (
         Support(3, SupportCoefficients.isotropic(1e7, 200)),
@@ -127,6 +129,11 @@ def test_supports_loads_and_shaft_mass_are_read(document: dict[str, Any]) -> Non
             ("bearing",),
             {"inner_clearance_um": -20},
             "bearing.inner_clearance_um = -20 µm: expected a finite value abov",
+        ),
+        (
+            ("bearing",),
+            {"film_model": "ocvirk"},
+            'bearing.film_model = "ocvirk": expected "capone" or "full-sommerfeld"',
         ),
         (
             ("bearing",),
