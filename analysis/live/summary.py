@@ -30,7 +30,7 @@ class ProbeSummary:
         Whether it was within its limits throughout.
     largest_peak_to_peak : float
         Largest overall vibration, m peak-to-peak; 0 without snapshots.
-    largest : TimeInRun or None
+    largest_at : TimeInRun or None
         Time of the largest vibration; None without snapshots.
     severity : Severity
         Severity of the largest vibration.
@@ -46,7 +46,7 @@ class ProbeSummary:
     gap_max: float
     gap_in_window: bool
     largest_peak_to_peak: float
-    largest: TimeInRun | None
+    largest_at: TimeInRun | None
     severity: Severity
     outside_calibration: int = 0
     clearance_fraction: float = 0.0
@@ -151,7 +151,7 @@ class _Probe:
     gap_max: float = -np.inf
     gap_in_window: bool = True
     peak_to_peak: float = 0.0
-    largest: TimeInRun | None = None
+    largest_at: TimeInRun | None = None
     outside_calibration: int = 0
 
     def add(self, snapshot: Snapshot, probe: int) -> None:
@@ -161,9 +161,9 @@ class _Probe:
         self.gap_in_window = self.gap_in_window and bool(snapshot.gap_in_window[probe])
         self.outside_calibration = int(snapshot.outside_calibration[probe])
         overall = float(snapshot.peak_to_peak[probe])
-        if self.largest is None or overall > self.peak_to_peak:
+        if self.largest_at is None or overall > self.peak_to_peak:
             self.peak_to_peak = overall
-            self.largest = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
+            self.largest_at = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
 
 
 class SummaryBuilder:
@@ -272,7 +272,7 @@ class SummaryBuilder:
             gap_max=probe.gap_max if seen else np.nan,
             gap_in_window=probe.gap_in_window,
             largest_peak_to_peak=probe.peak_to_peak,
-            largest=probe.largest,
+            largest_at=probe.largest_at,
             severity=self._header.limits.severity(probe.peak_to_peak),
             outside_calibration=probe.outside_calibration,
             clearance_fraction=self._header.limits.clearance_fraction(probe.peak_to_peak),

@@ -23,31 +23,31 @@ class WhirlFinding:
     ----------
     order : float
         Frequency over shaft frequency, mean weighted with amplitude.
-    order_at_begin : float
+    order_at_onset : float
         The same over its first frames.
-    begin, end : TimeInRun
+    onset, end : TimeInRun
         First and last frame that contain it.
     amplitude : float
         Largest amplitude, half the major axis of its ellipse, m peak.
-    largest : TimeInRun
+    largest_at : TimeInRun
         Time of the largest amplitude.
     is_forward : bool
         Whether it precesses with the rotation, by the sum of its amplitudes.
     frames : int
         Number of frames that contain it.
-    begin_direction, end_direction : RampDirection
-        Ramp direction at its begin and at its end.
+    onset_direction, end_direction : RampDirection
+        Ramp direction at its onset and at its end.
     """
 
     order: float
-    order_at_begin: float
-    begin: TimeInRun
+    order_at_onset: float
+    onset: TimeInRun
     end: TimeInRun
     amplitude: float
-    largest: TimeInRun
+    largest_at: TimeInRun
     is_forward: bool
     frames: int
-    begin_direction: RampDirection = RampDirection.RUN_UP
+    onset_direction: RampDirection = RampDirection.RUN_UP
     end_direction: RampDirection = RampDirection.RUN_UP
 
 
@@ -78,14 +78,14 @@ class WhirlHysteresis:
 def whirl_hysteresis(findings: Sequence[WhirlFinding]) -> tuple[WhirlHysteresis, ...]:
     """Return onset on the run-up and end on the run-down of each component that occurs in both directions."""
     found = []
-    onsets = [one for one in findings if one.begin_direction is RampDirection.RUN_UP and math.isfinite(one.begin.speed)]
+    onsets = [one for one in findings if one.onset_direction is RampDirection.RUN_UP and math.isfinite(one.onset.speed)]
     ended = [one for one in findings if one.end_direction is RampDirection.RUN_DOWN and math.isfinite(one.end.speed)]
     orders: list[float] = []
-    for first in sorted(onsets, key=lambda one: one.begin.speed):
+    for first in sorted(onsets, key=lambda one: one.onset.speed):
         ends = [one.end.speed for one in ended if abs(one.order - first.order) <= 2.0 * MAX_ORDER_CHANGE]
         if ends and all(abs(first.order - order) > 2.0 * MAX_ORDER_CHANGE for order in orders):
             orders.append(first.order)
-            found.append(WhirlHysteresis(first.order_at_begin, first.begin.speed, min(ends)))
+            found.append(WhirlHysteresis(first.order_at_onset, first.onset.speed, min(ends)))
     return tuple(found)
 
 
@@ -94,18 +94,18 @@ class _Track:
     """Running sums over the frames of a component."""
 
     recent_order: float
-    begin: TimeInRun
+    onset: TimeInRun
     end: TimeInRun
-    largest: TimeInRun
+    largest_at: TimeInRun
     amplitude: float = 0.0
     weight: float = 0.0
     weighted_order: float = 0.0
-    begin_order: float = 0.0
+    onset_order: float = 0.0
     forward: float = 0.0
     backward: float = 0.0
     frames: int = 0
     frame_time: float = 0.0
-    begin_direction: RampDirection = RampDirection.RUN_UP
+    onset_direction: RampDirection = RampDirection.RUN_UP
     end_direction: RampDirection = RampDirection.RUN_UP
 
     def add(self, whirl: Whirl, at: TimeInRun, frame_time: float, direction: RampDirection) -> None:
@@ -113,9 +113,9 @@ class _Track:
         self.recent_order += _SMOOTHING * (whirl.order - self.recent_order)
         self.end, self.end_direction = at, direction
         if self.frames == 0:
-            self.begin_direction = direction
+            self.onset_direction = direction
         if amplitude > self.amplitude:
-            self.amplitude, self.largest = amplitude, at
+            self.amplitude, self.largest_at = amplitude, at
         self.weight += amplitude
         self.weighted_order += amplitude * whirl.order
         self.forward += whirl.forward
@@ -123,24 +123,24 @@ class _Track:
         self.frames += 1
         self.frame_time = max(self.frame_time, frame_time) if self.frames <= MIN_FRAMES else self.frame_time
         if self.frames <= MIN_FRAMES:
-            self.begin_order = self.weighted_order / self.weight
+            self.onset_order = self.weighted_order / self.weight
 
     @property
     def is_confirmed(self) -> bool:
         """Whether frames without common samples contain it, so that no single disturbance explains it."""
-        return self.frames >= MIN_FRAMES and self.end.time - self.begin.time >= self.frame_time
+        return self.frames >= MIN_FRAMES and self.end.time - self.onset.time >= self.frame_time
 
     def finding(self) -> WhirlFinding:
         return WhirlFinding(
             order=self.weighted_order / self.weight,
-            order_at_begin=self.begin_order,
-            begin=self.begin,
+            order_at_onset=self.onset_order,
+            onset=self.onset,
             end=self.end,
             amplitude=self.amplitude,
-            largest=self.largest,
+            largest_at=self.largest_at,
             is_forward=self.forward >= self.backward,
             frames=self.frames,
-            begin_direction=self.begin_direction,
+            onset_direction=self.onset_direction,
             end_direction=self.end_direction,
         )
 
@@ -202,7 +202,7 @@ class WhirlTracker:
             self._closed.remove(min(self._closed, key=lambda track: track.weight))
 
     def findings(self) -> tuple[WhirlFinding, ...]:
-        """Return the findings, including those that have not ended, in the order of their begin."""
+        """Return the findings, including those that have not ended, in the order of their onset."""
         tracks = self._closed + [track for track in self._open if track.is_confirmed]
-        tracks.sort(key=lambda track: (track.begin.segment, track.begin.time))
+        tracks.sort(key=lambda track: (track.onset.segment, track.onset.time))
         return tuple(track.finding() for track in tracks)

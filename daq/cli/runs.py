@@ -36,7 +36,7 @@ def find_run(recording: str, folder: str) -> tuple[Catalogue, str]:
 
 def run_row(run: RunSchema) -> str:
     """Return a run as one line of the list: id, duration, size, state and annotations."""
-    state = "complete" if run.is_complete else "cut short"
+    state = "complete" if run.is_complete else "incomplete"
     if run.is_complete and not run.is_gap_free:
         state = "samples lost"
     if run.verdict not in ("", Verdict.SOUND):

@@ -121,7 +121,7 @@ def _whirl(whirl: WhirlAgreement) -> WhirlAgreementSchema:
         predicted_onset_rpm=None if predicted is None else rpm(predicted.onset),
         predicted_largest_peak_um=None if predicted is None else micrometres(predicted.amplitude),
         measured_order=None if measured is None else finite(measured.order),
-        measured_onset_rpm=None if measured is None else rpm(measured.begin.speed),
+        measured_onset_rpm=None if measured is None else rpm(measured.onset.speed),
         measured_largest_peak_um=None if measured is None else micrometres(measured.amplitude),
         onset_ratio=finite(whirl.onset_ratio),
         was_reached=whirl.was_reached,

@@ -319,7 +319,7 @@ def _probe(probe: ProbeSummary) -> ProbeSummarySchema:
         gap_ok=probe.gap_in_window,
         largest_peak_to_peak_um=micrometres(probe.largest_peak_to_peak),
         largest_clearance_fraction=finite(probe.clearance_fraction),
-        largest_at=None if probe.largest is None else time_in_run_schema(probe.largest),
+        largest_at=None if probe.largest_at is None else time_in_run_schema(probe.largest_at),
         severity=probe.severity,
         samples_beyond_calibration=probe.outside_calibration,
     )
@@ -366,13 +366,13 @@ def sub_synchronous_schema(finding: WhirlFinding) -> SubSynchronousSchema:
     """Return the schema of a component below 1X."""
     return SubSynchronousSchema(
         order=finite(finding.order),
-        order_at_begin=finite(finding.order_at_begin),
-        begin=time_in_run_schema(finding.begin),
-        begin_ramp_direction=finding.begin_direction,
+        order_at_begin=finite(finding.order_at_onset),
+        begin=time_in_run_schema(finding.onset),
+        begin_ramp_direction=finding.onset_direction,
         end=time_in_run_schema(finding.end),
         end_ramp_direction=finding.end_direction,
         largest_peak_um=micrometres(finding.amplitude),
-        largest_at=time_in_run_schema(finding.largest),
+        largest_at=time_in_run_schema(finding.largest_at),
         direction=direction(is_forward=finding.is_forward),
         frames=finding.frames,
     )

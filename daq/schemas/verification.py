@@ -1,7 +1,7 @@
 """Schemas of the verification and recovery of recordings."""
 
 from daq.schemas.units import Schema
-from recordings.integrity.checks import Check, Finding
+from recordings.integrity.file_checks import Check, Finding
 from recordings.integrity.recover import Recovery
 from recordings.integrity.verify import Verdict, Verification
 

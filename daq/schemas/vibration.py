@@ -101,7 +101,7 @@ class StandardSchema(Schema):
 def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, ...]:
     """Return the limits of standards at the speed of the largest vibration; empty where that speed is unknown."""
     worst = max(probes, key=lambda probe: probe.largest_peak_to_peak, default=None)
-    if worst is None or worst.largest is None or not 0.0 < worst.largest.speed < math.inf:
+    if worst is None or worst.largest_at is None or not 0.0 < worst.largest_at.speed < math.inf:
         return ()
     return tuple(
         StandardSchema(
@@ -112,6 +112,6 @@ def standard_schemas(probes: tuple[ProbeSummary, ...]) -> tuple[StandardSchema, 
             scope=figure.scope,
             source=figure.source,
         )
-        for figure in standard_limits(worst.largest.speed)
+        for figure in standard_limits(worst.largest_at.speed)
         if figure.standard in VIBRATION_STANDARDS
     )

@@ -99,7 +99,7 @@ class WhirlAgreement:
         """Measured over predicted onset speed; NaN if one of both is missing."""
         if self.predicted is None or self.measured is None:
             return math.nan
-        return self.measured.begin.speed / self.predicted.onset
+        return self.measured.onset.speed / self.predicted.onset
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,9 +226,9 @@ def _whirls(summary: RunSummary, prediction_map: PredictionMap) -> tuple[WhirlAg
 
 def _measured_whirls(summary: RunSummary) -> list[WhirlFinding]:
     """Return each forward whirl once, at its lowest onset speed, by rising onset speed."""
-    known = [one for one in summary.whirls if one.is_forward and math.isfinite(one.begin.speed)]
+    known = [one for one in summary.whirls if one.is_forward and math.isfinite(one.onset.speed)]
     distinct: list[WhirlFinding] = []
-    for one in sorted(known, key=lambda one: one.begin.speed):
+    for one in sorted(known, key=lambda one: one.onset.speed):
         if all(abs(one.order - other.order) >= ORDER_TOLERANCE for other in distinct):
             distinct.append(one)
     return distinct

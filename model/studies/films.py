@@ -11,7 +11,7 @@ from model.films.film import bearing_films
 from model.films.grid import Grid
 from model.films.lubrication import Lubrication, RingEquilibrium
 from model.rotor.parameters import FilmModel, FloatingRing
-from model.studies.linear import SPEED_LABEL
+from model.studies.linear_studies import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]

@@ -36,7 +36,7 @@ def motion_study(
     settle: int = 300,
     turns: int = 64,
     *,
-    seed: float = 0.0,
+    perturbation: float = 0.0,
     table: MotionTable = MotionTable.STATIONS,
 ) -> Study:
     """Return the settled motion at a speed, started from rest.
@@ -51,7 +51,7 @@ def motion_study(
         Station of plots and table; default the station of the probes.
     settle, turns : int
         Turns to settle, then turns evaluated.
-    seed : float
+    perturbation : float
         Size of the disturbance of an unstable motion, m: see `model.studies.stepped_motion`.
     table : MotionTable, optional
         Content of the table: all stations, or orbit, order spectrum or Poincaré section at one.
@@ -68,7 +68,7 @@ def motion_study(
     if station is not None:
         parameters = replace(parameters, probe_station=station)
     station = parameters.probe_station
-    stepped = SteppedMotion(parameters, seed)
+    stepped = SteppedMotion(parameters, perturbation)
     stations = stepped.settle_at(speed, settle).record(turns).stations
     path, points = stations[station - 1] / MICROMETRE, stations[station - 1, :, ::STEPS_PER_TURN] / MICROMETRE
     orders, spectrum = _spectrum(path, turns)
@@ -85,10 +85,10 @@ def motion_study(
         columns = {"turn": np.arange(float(turns)), "x_um": points[0], "y_um": points[1]}
     title = f"Station {station} at {speed:,.0f} rad/s"
     remark = f"settled for {stepped.turns_settled:,} turns"
-    if seed:
+    if perturbation:
         remark += (
             f"; growth rate of the least stable whirl of the synchronous motion {stepped.growth_rate:.3g} /s"
-            f"{f', seeded with {seed / MICROMETRE:g} µm' if stepped.growth_rate > 0 else ''}"
+            f"{f', perturbed by {perturbation / MICROMETRE:g} µm' if stepped.growth_rate > 0 else ''}"
         )
     return Study(
         f"Motion, {title[0].lower()}{title[1:]}", columns, _plots(title, orbit, points, orders, spectrum), (remark,)

@@ -15,7 +15,7 @@ from model.dynamics.whirl import FilmName, Whirl, dominant_film
 from model.errors import ModelError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
-from model.studies.linear import SPEED_LABEL
+from model.studies.linear_studies import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,7 @@ from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError
 from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
-from model.studies.linear import SPEED_LABEL, supported_system
+from model.studies.linear_studies import SPEED_LABEL, supported_system
 from model.studies.study import Plot, Series, Study, Style
 
 FloatArray = NDArray[np.float64]

@@ -11,7 +11,7 @@ from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.whirl import FilmName
 from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
-from model.studies.linear import SPEED_LABEL
+from model.studies.linear_studies import SPEED_LABEL
 from model.studies.stepped_motion import MAX_GROWTH_TURNS, STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
 from model.studies.study import Plot, Series, Study, Style, Surface
 
@@ -28,13 +28,13 @@ AMPLITUDE_FLOOR = 1e-2  # µm peak, lower limit of the colour scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Seeding:
-    """Seeding of the unstable motions of a run-up: see `model.studies.stepped_motion`.
+class Perturbation:
+    """Perturbation of the unstable motions of a run-up; see `model.studies.stepped_motion`.
 
     Parameters
     ----------
     size : float
-        Size of the seed, m.
+        Amplitude, m.
     growth_rates : ndarray of float64, shape (n,)
         Growth rate of the least stable whirl of the synchronous motion at each speed, 1/s; NaN if unknown.
     turns : ndarray of float64, shape (n,)
@@ -66,8 +66,8 @@ class RunUp:
         X and Y over the last turns, m.
     films : ndarray of float64, shape (n, 2, n_orders)
         Spectra of the eccentricity ratios of inner and outer films (`model.studies.stepped_motion.RecordedTurns`).
-    seeding : Seeding, optional
-        Seeding of unstable motions; None without seeding.
+    perturbation : Perturbation, optional
+        Perturbation of unstable motions; None where not perturbed.
 
     All values are NaN at speeds where the motion reached a wall.
     """
@@ -79,7 +79,7 @@ class RunUp:
     peak_to_peak: FloatArray
     orbit: FloatArray
     films: FloatArray
-    seeding: Seeding | None = None
+    perturbation: Perturbation | None = None
 
     def component(self, band: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Return order and amplitude, m peak, of the largest line in a band of orders; NaN at the wall."""
@@ -169,7 +169,7 @@ def run_up(
     turns: int = 64,
     *,
     station: int | None = None,
-    seed: float = 0.0,
+    perturbation: float = 0.0,
 ) -> RunUp:
     """Return the motion at each speed, started from that at the previous speed.
 
@@ -183,7 +183,7 @@ def run_up(
         Turns to settle at a speed, then turns evaluated.
     station : int, optional
         Station evaluated; default the station of the probes.
-    seed : float
+    perturbation : float
         Size of the disturbance of an unstable motion at each speed, m; such a motion settles for as long as it needs.
 
     Returns
@@ -203,7 +203,7 @@ def run_up(
     peak_to_peak, growth_rates, settled = np.full((3, speeds.size), np.nan)
     orbit = np.full((speeds.size, 2, min(turns, ORBIT_TURNS) * STEPS_PER_TURN), np.nan)
     films = np.full((speeds.size, 2, highest), np.nan)
-    stepped = SteppedMotion(parameters, seed)
+    stepped = SteppedMotion(parameters, perturbation)
     for number, speed in enumerate(speeds):
         try:
             recorded = stepped.settle_at(float(speed), settle).record(turns)
@@ -216,8 +216,8 @@ def run_up(
         stroboscopic[number] = moved[:, ::STEPS_PER_TURN]
         peak_to_peak[number] = np.ptp(moved[0])
         orbit[number] = moved[:, -orbit.shape[2] :]
-    seeding = Seeding(seed, growth_rates, settled) if seed else None
-    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit, films, seeding)
+    perturbed = Perturbation(perturbation, growth_rates, settled) if perturbation else None
+    return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit, films, perturbed)
 
 
 def waterfall_study(found: RunUp, name: str) -> Study:
@@ -250,7 +250,7 @@ def waterfall_study(found: RunUp, name: str) -> Study:
             "first_order_um_pk": found.first_order / MICROMETRE,
             **columns,
             "overall_um_pp": found.peak_to_peak / MICROMETRE,
-            **_seeding_columns(found.seeding),
+            **_perturbation_columns(found.perturbation),
         },
         (waterfall_surface(found, f"Waterfall, {name}"),),
         (
@@ -260,7 +260,7 @@ def waterfall_study(found: RunUp, name: str) -> Study:
             ),
             "each whirl is assigned to the film whose surfaces move more against each other, relative to the clearance",
             *wall_remarks,
-            *_seeding_remarks(found),
+            *_perturbation_remarks(found),
         ),
     )
 
@@ -276,25 +276,25 @@ def _wall_remarks(found: RunUp) -> tuple[str, ...]:
     return (f"the motion reached a wall at {touched} of {found.speeds.size} speeds: omitted",) if touched else ()
 
 
-def _seeding_columns(seeding: Seeding | None) -> dict[str, FloatArray]:
-    if seeding is None:
+def _perturbation_columns(perturbation: Perturbation | None) -> dict[str, FloatArray]:
+    if perturbation is None:
         return {}
-    return {"growth_rate_1_s": seeding.growth_rates, "settle_turns": seeding.turns}
+    return {"growth_rate_1_s": perturbation.growth_rates, "settle_turns": perturbation.turns}
 
 
-def _seeding_remarks(found: RunUp) -> list[str]:
-    """Return remarks on the seeding, on the first unstable speed, and on speeds with too little time to grow."""
-    seeding = found.seeding
-    if seeding is None:
-        return ["not seeded: an unstable motion may take long to grow"]
-    size = f"{seeding.size / MICROMETRE:g} µm"
+def _perturbation_remarks(found: RunUp) -> list[str]:
+    """Return remarks on the perturbation, on the first unstable speed, and on speeds with too little time to grow."""
+    perturbation = found.perturbation
+    if perturbation is None:
+        return ["not perturbed: an unstable motion may take long to grow"]
+    size = f"{perturbation.size / MICROMETRE:g} µm"
     remarks = [
-        f"unstable motions seeded with {size} along each film's whirl, at most {MAX_GROWTH_TURNS:,} turns to grow"
+        f"unstable motions perturbed by {size} along each film's whirl, at most {MAX_GROWTH_TURNS:,} turns to grow"
     ]
-    unstable = seeding.growth_rates > 0
+    unstable = perturbation.growth_rates > 0
     if unstable.any():
         remarks.append(f"first of these speeds that is unstable by eigenvalues: {found.speeds[unstable][0]:,.0f} rad/s")
-    slow = found.speeds[unstable & (seeding.turns >= MAX_GROWTH_TURNS)]
+    slow = found.speeds[unstable & (perturbation.turns >= MAX_GROWTH_TURNS)]
     if slow.size:
         remarks.append("growth too slow for this time: " + ", ".join(f"{speed:,.0f}" for speed in slow) + " rad/s")
     return remarks
@@ -335,13 +335,13 @@ def bifurcation_study(found: RunUp, name: str) -> Study:
             "spread_x_um": width[:, 0],
             "spread_y_um": width[:, 1],
             "overall_um_pp": found.peak_to_peak / MICROMETRE,
-            **_seeding_columns(found.seeding),
+            **_perturbation_columns(found.perturbation),
         },
         (bifurcation_plot(found, f"Bifurcation diagram, {name}"),),
         (
             "spread: range of the positions at theta = 0 over all turns; about 0 for synchronous motion",
             *wall_remarks,
-            *_seeding_remarks(found),
+            *_perturbation_remarks(found),
         ),
     )
 

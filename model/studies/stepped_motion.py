@@ -1,9 +1,9 @@
-"""Motion at stepped speeds, with a small disturbance (seed) where it is unstable.
+"""Motion at stepped speeds, with a small perturbation where it is unstable.
 
 In an integration only rounding disturbs an unstable motion, so it may take thousands of turns to leave it; a real rotor
-is always disturbed. Therefore the motion is seeded at each speed: moved slightly along the eigenvector of the unstable
-whirl of each film. It then settles for as long as the present whirl, at least the seed, needs to grow to the inner
-clearance or, if the synchronous motion is stable, to decay to the size of the seed, up to a limit.
+is always disturbed. Therefore the motion is perturbed at each speed: moved slightly along the eigenvector of the
+unstable whirl of each film. It then settles for as long as the present whirl, at least the perturbation, needs to grow
+to the inner clearance or, if the synchronous motion is stable, to decay to the size of the perturbation, up to a limit.
 """
 
 import math
@@ -23,8 +23,8 @@ from model.rotor.parameters import ModelParameters
 FloatArray = NDArray[np.float64]
 
 STEPS_PER_TURN = 96
-DEFAULT_SEED = 0.02e-6  # m: a tenth of the smallest whirl that is evaluated
-MAX_GROWTH_TURNS = 4000  # for a seed to grow
+DEFAULT_PERTURBATION = 0.02e-6  # m: a tenth of the smallest whirl that is evaluated
+MAX_GROWTH_TURNS = 4000  # for a perturbation to grow
 WINDOW_HALF_WIDTH = 2.5  # lines on each side of a component: width of the Hann window
 
 
@@ -56,8 +56,8 @@ class SteppedMotion:
     ----------
     parameters : ModelParameters
         The rotor.
-    seed : float
-        Size of the disturbance, m, at the journal or ring that moves most; 0: no seeding.
+    perturbation : float
+        Size of the disturbance, m, at the journal or ring that moves most; 0: no perturbation.
     growth_rate : float
         Growth rate of the least stable whirl of the synchronous motion at the present speed, 1/s; NaN if unknown.
     turns_settled : int
@@ -66,11 +66,11 @@ class SteppedMotion:
     Raises
     ------
     ValueError
-        If the seed is invalid.
+        If the perturbation is invalid.
     """
 
     parameters: ModelParameters
-    seed: float
+    perturbation: float
     growth_rate: float = field(default=math.nan, init=False)
     turns_settled: int = field(default=0, init=False)
     _motion: ShaftMotion | None = field(default=None, init=False)
@@ -79,10 +79,10 @@ class SteppedMotion:
 
     def __post_init__(self) -> None:
         clearance = self.parameters.floating_ring.inner_clearance
-        if not 0 <= self.seed < clearance:
+        if not 0 <= self.perturbation < clearance:
             raise ValueError(
-                f"seed: {self.seed / MICROMETRE:g} µm, expected 0 or more and less than the inner clearance of "
-                f"{clearance / MICROMETRE:g} µm"
+                f"perturbation: {self.perturbation / MICROMETRE:g} µm, expected 0 or more and less than the inner "
+                f"clearance of {clearance / MICROMETRE:g} µm"
             )
 
     def settle_at(self, speed: float, settle: int) -> "SteppedMotion":
@@ -112,8 +112,8 @@ class SteppedMotion:
         return self._recorded
 
     def _disturb(self, motion: ShaftMotion) -> int:
-        """Seed the motion if it is unstable; return the turns that whirls need to grow or decay."""
-        if self.seed == 0:
+        """Perturb the motion if it is unstable; return the turns that whirls need to grow or decay."""
+        if self.perturbation == 0:
             return 0
         try:
             self._orbit = synchronous_orbit(self.parameters, motion.speed, self._orbit)
@@ -124,10 +124,10 @@ class SteppedMotion:
         clearance, needed = self.parameters.floating_ring.inner_clearance, 0.0
         for whirl, disturbance in zip(self._orbit.whirls, self._orbit.disturbances, strict=True):
             if whirl.growth_rate > 0:
-                motion.disturb(self.seed * disturbance)
-                part = clearance / min(max(self._size(whirl, 0.0), self.seed), clearance)
+                motion.disturb(self.perturbation * disturbance)
+                part = clearance / min(max(self._size(whirl, 0.0), self.perturbation), clearance)
             else:  # after a start from rest, assume the size of the clearance
-                part = max(min(self._size(whirl, clearance), clearance), self.seed) / self.seed
+                part = max(min(self._size(whirl, clearance), clearance), self.perturbation) / self.perturbation
             per_turn = abs(whirl.growth_rate) * 2 * math.pi / motion.speed
             needed = max(needed, math.log(part) / max(per_turn, 1e-300))
         return math.ceil(min(needed, MAX_GROWTH_TURNS))

@@ -18,7 +18,7 @@ from model.prediction.prediction_map import MODEL_VERSION
 from model.rotor.parameters import ModelParameters
 from model.studies.onset import stability
 from model.studies.run_up import run_up
-from model.studies.stepped_motion import DEFAULT_SEED
+from model.studies.stepped_motion import DEFAULT_PERTURBATION
 from model.studies.varied_parameters import PARAMETER_SETTERS, with_values
 
 QUANTITIES_VERSION = 3  # increase with every change of a quantity
@@ -150,7 +150,7 @@ def _onset(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[f
 def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
     low, high, count = options["lowest_speed_rad_s"], options["highest_speed_rad_s"], int(options["speeds"])
     speeds, settle, turns = np.linspace(low, high, count), int(options["settle_turns"]), int(options["turns"])
-    found = run_up(parameters, speeds, settle, turns, seed=options["seed_um"] * MICROMETRE)
+    found = run_up(parameters, speeds, settle, turns, perturbation=options["perturbation_um"] * MICROMETRE)
     largest = float(np.nanmax(found.peak_to_peak)) if np.any(np.isfinite(found.peak_to_peak)) else math.nan
     return found.onset(FilmName.INNER), found.onset(FilmName.OUTER), largest / MICROMETRE
 
@@ -178,7 +178,7 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     ),
     "whirl": Quantity(
         "onset of the whirl of each film in a run-up in time, and largest overall vibration",
-        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "seed_um": DEFAULT_SEED / MICROMETRE},
+        {**_RANGE, "settle_turns": 40.0, "turns": 64.0, "perturbation_um": DEFAULT_PERTURBATION / MICROMETRE},
         ("inner_onset_rad_s", "outer_onset_rad_s", "largest_um_pp"),
         _whirl,
     ),

@@ -85,12 +85,12 @@ class SummarisedRun:
                 "number": number,
                 "order": whirl.order,
                 "is_forward": whirl.is_forward,
-                "onset_rpm": whirl.begin.speed / RPM,
+                "onset_rpm": whirl.onset.speed / RPM,
                 "end_rpm": whirl.end.speed / RPM,
                 "largest_peak_um": whirl.amplitude / MICROMETRE,
             }
             for number, whirl in enumerate(self.summary.whirls)
-            if math.isfinite(whirl.begin.speed) and math.isfinite(whirl.end.speed)
+            if math.isfinite(whirl.onset.speed) and math.isfinite(whirl.end.speed)
         ]
 
     def marker_rows(self) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, MessageError, RecordingError
-from recordings.integrity.checks import (
+from recordings.integrity.file_checks import (
     Check,
     ContinuityCheck,
     Finding,

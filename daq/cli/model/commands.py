@@ -24,12 +24,18 @@ from model.films.grid import Grid
 from model.films.lubrication import Lubrication, nominal_lubrication, thesis_like_lubrication
 from model.rotor.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
-from model.studies.linear import DEFAULT_STIFFNESS, campbell_stiffness, campbell_study, critical_study, modes_study
+from model.studies.linear_studies import (
+    DEFAULT_STIFFNESS,
+    campbell_stiffness,
+    campbell_study,
+    critical_study,
+    modes_study,
+)
 from model.studies.motion import MotionTable, motion_study
 from model.studies.onset import onset_study
 from model.studies.response import response_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
-from model.studies.stepped_motion import DEFAULT_SEED
+from model.studies.stepped_motion import DEFAULT_PERTURBATION
 from model.studies.study import Study
 
 AddParser = Callable[[str, str], argparse.ArgumentParser]
@@ -52,7 +58,7 @@ def add_commands(add_command: AddCommand) -> None:
     studies = parser.add_subparsers(dest="study", required=True, metavar="STUDY")
 
     def add(name: str, text: str) -> argparse.ArgumentParser:
-        return studies.add_parser(name, help=text, description=text)
+        return studies.add_parser(name, help=text, description=text, allow_abbrev=False)
 
     add_studies(add)
     add_sweep(add)
@@ -86,9 +92,11 @@ def _run(compute: Compute, args: argparse.Namespace) -> int:
 
 def _add_linear(study: Add) -> None:
     command = study("modes", _modes, "Natural frequencies and mode shapes, free or on springs.")
-    held = command.add_mutually_exclusive_group()
-    _add_stiffness(held, "free, or on the rotor's own supports")
-    command.add_argument("--speed", type=non_negative, default=0.0, metavar="RAD_S", help="of the shaft (default: 0)")
+    supports = command.add_mutually_exclusive_group()
+    _add_stiffness(supports, "free, or on the rotor's own supports")
+    command.add_argument(
+        "--speed-rad-s", type=non_negative, default=0.0, metavar="SPEED", help="of the shaft (default: 0)"
+    )
     command.add_argument("--count", type=positive_integer, default=10, help="number of modes (default: 10)")
 
     command = study("campbell", _campbell, "Campbell diagram: natural frequencies over speed, and critical speeds.")
@@ -109,7 +117,7 @@ def _add_linear(study: Add) -> None:
         help="of each bearing (default: %(default)s)",
     )
     command.add_argument(
-        "--highest", type=positive, default=2e5, metavar="RAD_S", help="largest speed (default: 200000)"
+        "--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help="largest speed (default: 200000)"
     )
 
     command = study("response", _response, "1X over speed: run-up and run-down on the films, or linear on springs.")
@@ -132,7 +140,7 @@ def _add_nonlinear(study: Add) -> None:
     command = study(
         "motion", _motion, "Motion at one speed: table of all stations, or orbit, spectrum, Poincaré section."
     )
-    command.add_argument("--speed", type=positive, default=1000.0, metavar="RAD_S", help="of the shaft (default: 1000)")
+    command.add_argument("--speed-rad-s", type=positive, default=1000.0, metavar="SPEED", help="(default: 1000)")
     _add_motion_arguments(command, 300)
     command.add_argument(
         "--show",
@@ -149,10 +157,10 @@ def _add_motion_arguments(command: argparse.ArgumentParser, settle: int) -> None
     )
     command.add_argument("--turns", type=positive_integer, default=64, help="turns evaluated (default: 64)")
     command.add_argument(
-        "--seed-um",
+        "--perturbation-um",
         type=non_negative,
-        default=DEFAULT_SEED / MICROMETRE,
-        help="disturbance of an unstable motion along each film's whirl (default: %(default)g; 0: none)",
+        default=DEFAULT_PERTURBATION / MICROMETRE,
+        help="perturbation of an unstable motion along each film's whirl (default: %(default)g; 0: none)",
     )
 
 
@@ -175,8 +183,8 @@ def _add_static_films(study: Add) -> None:
     )
 
     command = study("film", _film, "Static film by three models (short, finite, long), and its eight coefficients.")
-    command.add_argument("--which", choices=("inner", "outer"), default="inner", help="(default: inner)")
-    command.add_argument("--speed", type=positive, default=1000.0, metavar="RAD_S", help="of the shaft (default: 1000)")
+    command.add_argument("--film", choices=("inner", "outer"), default="inner", help="(default: inner)")
+    command.add_argument("--speed-rad-s", type=positive, default=1000.0, metavar="SPEED", help="(default: 1000)")
     command.add_argument(
         "--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
     )
@@ -190,29 +198,33 @@ def _add_speeds(
     command: argparse.ArgumentParser, default: str, unit: str, kind: Callable[[str], object] = rising_range
 ) -> None:
     command.add_argument(
-        "--speeds", type=kind, default=default, metavar="RANGE", help=f"FIRST:LAST:COUNT, {unit} (default: {default})"
+        "--speeds-rad-s",
+        type=kind,
+        default=default,
+        metavar="RANGE",
+        help=f"FIRST:LAST:COUNT, {unit} (default: {default})",
     )
 
 
 def _modes(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return modes_study(parameters, args.stiffness_n_m, args.speed, args.count)
+    return modes_study(parameters, args.stiffness_n_m, args.speed_rad_s, args.count)
 
 
 def _campbell(parameters: ModelParameters, args: argparse.Namespace) -> Study:
     stiffness = campbell_stiffness(parameters) if args.stiffness_n_m is None else args.stiffness_n_m
-    return campbell_study(parameters, stiffness, args.speeds, args.count)
+    return campbell_study(parameters, stiffness, args.speeds_rad_s, args.count)
 
 
 def _critical(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return critical_study(parameters, args.stiffness_n_m, args.highest)
+    return critical_study(parameters, args.stiffness_n_m, args.max_speed_rad_s)
 
 
 def _response(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return response_study(parameters, args.speeds, args.stiffness_n_m, args.station)
+    return response_study(parameters, args.speeds_rad_s, args.stiffness_n_m, args.station)
 
 
 def _onset(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return onset_study(parameters, args.speeds)
+    return onset_study(parameters, args.speeds_rad_s)
 
 
 def _waterfall(parameters: ModelParameters, args: argparse.Namespace) -> Study:
@@ -224,8 +236,8 @@ def _bifurcation(parameters: ModelParameters, args: argparse.Namespace) -> Study
 
 
 def _run_up(parameters: ModelParameters, args: argparse.Namespace) -> RunUp:
-    seed, station = args.seed_um * MICROMETRE, args.station
-    return run_up(parameters, args.speeds, args.settle, _turns(args), station=station, seed=seed)
+    perturbation, station = args.perturbation_um * MICROMETRE, args.station
+    return run_up(parameters, args.speeds_rad_s, args.settle, _turns(args), station=station, perturbation=perturbation)
 
 
 def _station(parameters: ModelParameters, args: argparse.Namespace) -> int:
@@ -233,8 +245,10 @@ def _station(parameters: ModelParameters, args: argparse.Namespace) -> int:
 
 
 def _motion(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    seed, table = args.seed_um * MICROMETRE, MotionTable(args.show)
-    return motion_study(parameters, args.speed, args.station, args.settle, _turns(args), seed=seed, table=table)
+    perturbation, table = args.perturbation_um * MICROMETRE, MotionTable(args.show)
+    return motion_study(
+        parameters, args.speed_rad_s, args.station, args.settle, _turns(args), perturbation=perturbation, table=table
+    )
 
 
 def _turns(args: argparse.Namespace) -> int:
@@ -249,9 +263,9 @@ def _lubrication(parameters: ModelParameters, args: argparse.Namespace) -> Study
         "table-3.1": nominal_lubrication,
         "thesis-like": thesis_like_lubrication,
     }[args.bearing]()
-    return lubrication_study(lubrication, args.load_n, args.inlet_bar * 1e5, args.speeds)
+    return lubrication_study(lubrication, args.load_n, args.inlet_bar * 1e5, args.speeds_rad_s)
 
 
 def _film(parameters: ModelParameters, args: argparse.Namespace) -> Study:
     ratios = np.asarray(args.eccentricity)
-    return film_study(parameters.floating_ring, args.which, args.speed, ratios, Grid())
+    return film_study(parameters.floating_ring, args.film, args.speed_rad_s, ratios, Grid())

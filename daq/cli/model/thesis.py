@@ -33,7 +33,7 @@ _CHAPTER_5 = (
 _CHAPTER_6 = (
     "Run-ups in steps of 100 rad/s, at least 40 turns to settle and 64 evaluated. Onset: a film's whirl exceeds a "
     "tenth of 1X at two successive speeds. Two of the printed imbalances exceed the limit of the clearances, and the "
-    "smallest pins the journals, so the cases are computed at 0.05 of them. Unstable motions are seeded with 0.02 µm "
+    "smallest pins the journals, so the cases are computed at 0.05 of them. Unstable motions are perturbed by 0.02 µm "
     "along each film's whirl and have time to grow; without seed, the onset would depend on rounding errors. A whirl "
     "is assigned to the film whose surfaces move more against each other, by the integrated motion of the rings and by "
     "the eigenvectors; combinations with 1X are assigned to no film. Spectra and trajectories are those of the run-ups "

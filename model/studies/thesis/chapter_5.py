@@ -12,7 +12,7 @@ from model.linear.modes import critical_speeds, free_modes, natural_frequencies
 from model.rotor.gj90c import gj90c, gj90c_rotor
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Rotor
-from model.studies.linear import campbell_study, critical_study, modes_study, supported_system
+from model.studies.linear_studies import campbell_study, critical_study, modes_study, supported_system
 from model.studies.study import Plot, Series, Surface
 from model.studies.thesis.report import Comparison
 

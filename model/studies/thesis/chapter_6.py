@@ -18,7 +18,7 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.studies.onset import Stability, stability
 from model.studies.run_up import MIN_AMPLITUDE, RunUp, bifurcation_plot, run_up, waterfall_surface
-from model.studies.stepped_motion import DEFAULT_SEED
+from model.studies.stepped_motion import DEFAULT_PERTURBATION
 from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_6_spectra import Component, Spectrum
 from model.studies.thesis.report import Comparison
@@ -168,7 +168,7 @@ class CaseResult:
     Parameters
     ----------
     run : RunUp
-        Run-up in steps of 100 rad/s, seeded where unstable: 40 turns or more to settle, 64 turns evaluated.
+        Run-up in steps of 100 rad/s, perturbed where unstable: 40 turns or more to settle, 64 turns evaluated.
     stability : Stability
         Stability of the synchronous motion, by eigenvalues.
     """
@@ -180,7 +180,9 @@ class CaseResult:
 def run_case(case: Case) -> CaseResult:
     """Compute a case; takes some seconds."""
     parameters = case.parameters()
-    return CaseResult(run_up(parameters, SPEEDS, seed=DEFAULT_SEED), stability(parameters, SPEEDS[::2], 5.0))
+    return CaseResult(
+        run_up(parameters, SPEEDS, perturbation=DEFAULT_PERTURBATION), stability(parameters, SPEEDS[::2], 5.0)
+    )
 
 
 def chapter_6_comparisons(found: tuple[CaseResult, ...]) -> list[Comparison]:

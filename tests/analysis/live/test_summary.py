@@ -51,21 +51,21 @@ def test_run_up_summary_contains_the_whirl_onset(make_bench: Maker, header: RunH
     summary = summary_of(bench, header, codes, SegmentEnd(0, codes.shape[1], EndReason.FINISHED))
     inner, outer = summary.whirls
     assert inner.order == pytest.approx(0.49, abs=0.002)
-    assert inner.begin.speed == pytest.approx(11_000 * RPM, rel=0.01)
-    assert inner.begin.time == pytest.approx(13.7, abs=0.2)
+    assert inner.onset.speed == pytest.approx(11_000 * RPM, rel=0.01)
+    assert inner.onset.time == pytest.approx(13.7, abs=0.2)
     assert inner.end.speed == pytest.approx(14_600 * RPM, rel=0.01)
     assert inner.amplitude == pytest.approx(14 * MICROMETRE, rel=0.02)
     assert inner.is_forward
     assert outer.order == pytest.approx(0.17, abs=0.003)
-    assert outer.begin.speed == pytest.approx(14_700 * RPM, rel=0.01)
+    assert outer.onset.speed == pytest.approx(14_700 * RPM, rel=0.01)
     assert outer.amplitude == pytest.approx(41 * MICROMETRE, rel=0.05)
     assert outer.is_forward
     assert summary.highest_speed == pytest.approx(15_600 * RPM, rel=0.005)
     assert summary.lowest_speed < 1400 * RPM
     assert summary.is_gap_free
     assert summary.severity is Severity.ALARM
-    assert summary.probes[0].largest is not None
-    assert summary.probes[0].largest.speed == pytest.approx(15_600 * RPM, rel=0.01)
+    assert summary.probes[0].largest_at is not None
+    assert summary.probes[0].largest_at.speed == pytest.approx(15_600 * RPM, rel=0.01)
     assert len(summary.rows) > 65
     for row in summary.rows:
         assert abs(abs(row.vectors[0, 0]) - 2.5 * MICROMETRE) < 0.1 * MICROMETRE

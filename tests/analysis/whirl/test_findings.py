@@ -40,16 +40,16 @@ def test_whirls_of_successive_frames_are_one_finding() -> None:
     (finding,) = found(orders)
     assert finding.frames == 20
     assert finding.order == pytest.approx(0.4805)
-    assert finding.order_at_begin == pytest.approx(0.489)
-    assert (finding.begin.speed, finding.end.speed) == (1050.0, 1240.0)
-    assert finding.begin.time == pytest.approx(0.6 - 16 * np.pi / 1050)
+    assert finding.order_at_onset == pytest.approx(0.489)
+    assert (finding.onset.speed, finding.end.speed) == (1050.0, 1240.0)
+    assert finding.onset.time == pytest.approx(0.6 - 16 * np.pi / 1050)
     assert finding.is_forward
 
 
 def test_component_that_replaces_another_is_a_separate_finding() -> None:
     findings = found([0.49] * 20 + [0.17] * 20)
     assert [round(finding.order, 2) for finding in findings] == [0.49, 0.17]
-    assert findings[1].begin.speed == 1200.0
+    assert findings[1].onset.speed == 1200.0
 
 
 def test_alternating_components_are_tracked_in_parallel() -> None:
@@ -78,7 +78,7 @@ def test_active_component_is_a_finding_and_ends_with_its_segment() -> None:
     tracker.end_segment()
     for number in range(10):
         tracker.add_frame(1, HOP * (number + 1), frame(1000.0, 0.49))
-    assert [finding.begin.segment for finding in tracker.findings()] == [0, 1]
+    assert [finding.onset.segment for finding in tracker.findings()] == [0, 1]
 
 
 def test_number_of_findings_is_bounded() -> None:
@@ -89,7 +89,7 @@ def test_number_of_findings_is_bounded() -> None:
         tracker.end_segment()
     findings = tracker.findings()
     assert len(findings) == MAX_FINDINGS
-    assert findings[0].begin.segment == 20
+    assert findings[0].onset.segment == 20
 
 
 def test_simultaneous_components_are_tracked_in_parallel() -> None:
@@ -109,8 +109,8 @@ def test_hysteresis_contains_onset_on_run_up_and_end_on_run_down() -> None:
     for number, (speed, direction, there) in enumerate(speeds):
         tracker.add_frame(0, HOP * (number + 1), frame(speed, 0.48 if there else None), direction)
     first, second = tracker.findings()
-    assert (first.begin_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)
-    assert (second.begin_direction, second.end_direction) == (RampDirection.RUN_DOWN, RampDirection.RUN_DOWN)
+    assert (first.onset_direction, first.end_direction) == (RampDirection.RUN_UP, RampDirection.RUN_UP)
+    assert (second.onset_direction, second.end_direction) == (RampDirection.RUN_DOWN, RampDirection.RUN_DOWN)
     (found,) = whirl_hysteresis(tracker.findings())
     assert found.order == pytest.approx(0.48)
     assert (found.onset, found.end) == (1100.0, 1010.0)

@@ -12,7 +12,7 @@ from model.dynamics.whirl import FilmName, Whirl, inner_shares, order_and_share
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.studies.run_up import RunUp, combinations
-from model.studies.stepped_motion import DEFAULT_SEED, SteppedMotion
+from model.studies.stepped_motion import DEFAULT_PERTURBATION, SteppedMotion
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 SPEEDS = np.array([1000.0, 1100.0])
@@ -56,7 +56,7 @@ def test_inner_share_in_time_equals_that_of_the_eigenvector(default: ModelParame
     for speed, film in ((1000.0, INNER), (1700.0, OUTER)):
         whirl = synchronous_orbit(default, speed).whirls[0]
         assert whirl.film is film
-        stepped = SteppedMotion(default, 10 * DEFAULT_SEED)
+        stepped = SteppedMotion(default, 10 * DEFAULT_PERTURBATION)
         stepped.settle_at(speed, 0)
         seen = stepped.record(64)
         near = np.abs(seen.orders - whirl.order) < 0.02

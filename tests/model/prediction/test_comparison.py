@@ -60,11 +60,11 @@ def row(model: PredictionMap, speed: float, factor: complex = 1.0) -> SpeedRow:
 def whirl(order: float, begin: float, end: float, *, is_forward: bool = True) -> WhirlFinding:
     return WhirlFinding(
         order=order,
-        order_at_begin=order,
-        begin=TimeInRun(0, 1.0, begin),
+        order_at_onset=order,
+        onset=TimeInRun(0, 1.0, begin),
         end=TimeInRun(0, 2.0, end),
         amplitude=12e-6,
-        largest=TimeInRun(0, 1.5, end),
+        largest_at=TimeInRun(0, 1.5, end),
         is_forward=is_forward,
         frames=20,
     )

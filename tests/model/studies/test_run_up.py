@@ -1,4 +1,4 @@
-"""Stepped run-ups with seeding, and motion at one speed, at any station."""
+"""Stepped run-ups with perturbation, and motion at one speed, at any station."""
 
 import math
 from dataclasses import replace
@@ -16,24 +16,24 @@ from model.studies.motion import MotionTable, motion_study
 from model.studies.onset import stability
 from model.studies.response import response_study
 from model.studies.run_up import bifurcation_study, run_up, waterfall_study
-from model.studies.stepped_motion import DEFAULT_SEED, MAX_GROWTH_TURNS, STEPS_PER_TURN, SteppedMotion
+from model.studies.stepped_motion import DEFAULT_PERTURBATION, MAX_GROWTH_TURNS, STEPS_PER_TURN, SteppedMotion
 from model.studies.varied_parameters import with_values
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 
 
-def test_onset_of_a_seeded_run_up_is_that_of_the_eigenvalues(default: ModelParameters) -> None:
+def test_onset_of_a_perturbed_run_up_is_that_of_the_eigenvalues(default: ModelParameters) -> None:
     (band,) = stability(default, SPEEDS).bands
     first = float(SPEEDS[np.searchsorted(SPEEDS, band.start)])
-    seeded = run_up(default, SPEEDS, 60, 64, seed=DEFAULT_SEED)
-    assert seeded.onset(FilmName.INNER) == first
+    perturbed = run_up(default, SPEEDS, 60, 64, perturbation=DEFAULT_PERTURBATION)
+    assert perturbed.onset(FilmName.INNER) == first
     assert run_up(default, SPEEDS, 60, 64).onset(FilmName.INNER) > first
-    assert seeded.seeding is not None
-    assert np.array_equal(seeded.seeding.growth_rates > 0, np.greater_equal(SPEEDS, first))
-    assert seeded.whirl(FilmName.INNER)[1][: int(np.argmax(first == SPEEDS))].max() < 2 * DEFAULT_SEED
-    assert "growth_rate_1_s" in waterfall_study(seeded, "").columns
-    remarks = " ".join(waterfall_study(seeded, "").remarks)
-    assert "seeded with 0.02 µm" in remarks
+    assert perturbed.perturbation is not None
+    assert np.array_equal(perturbed.perturbation.growth_rates > 0, np.greater_equal(SPEEDS, first))
+    assert perturbed.whirl(FilmName.INNER)[1][: int(np.argmax(first == SPEEDS))].max() < 2 * DEFAULT_PERTURBATION
+    assert "growth_rate_1_s" in waterfall_study(perturbed, "").columns
+    remarks = " ".join(waterfall_study(perturbed, "").remarks)
+    assert "perturbed by 0.02 µm" in remarks
     assert f"unstable by eigenvalues: {first:,.0f} rad/s" in remarks
 
 
@@ -50,27 +50,27 @@ def test_onset_of_a_seeded_run_up_is_that_of_the_eigenvalues(default: ModelParam
     ],
     ids=str,
 )
-def test_onset_of_a_seeded_run_up_is_that_of_the_eigenvalues_for_other_rotors(changes: dict[str, float]) -> None:
+def test_onset_of_a_perturbed_run_up_is_that_of_the_eigenvalues_for_other_rotors(changes: dict[str, float]) -> None:
     parameters = with_values(gj90c(), changes)
     band = stability(parameters, np.arange(300.0, 2101.0, 50.0)).bands[0]
     speeds = 25 * np.floor(band.start / 25) + 25 * np.arange(-2.0, 5.0)
-    found = run_up(parameters, speeds, 60, 64, seed=DEFAULT_SEED)
-    assert found.seeding is not None
-    e_folds = found.seeding.growth_rates * MAX_GROWTH_TURNS * 2 * math.pi / speeds
+    found = run_up(parameters, speeds, 60, 64, perturbation=DEFAULT_PERTURBATION)
+    assert found.perturbation is not None
+    e_folds = found.perturbation.growth_rates * MAX_GROWTH_TURNS * 2 * math.pi / speeds
     onset = found.onset(band.film)
-    # not below the onset by eigenvalues, and not above the speed at which the seed has time to become visible
+    # not below the onset by eigenvalues, and not above the speed at which the perturbation has time to become visible
     assert band.start <= onset <= speeds[int(np.argmax(e_folds > 3))]
 
 
-def test_unseeded_run_up_is_the_undisturbed_motion(default: ModelParameters) -> None:
+def test_unperturbed_run_up_is_the_undisturbed_motion(default: ModelParameters) -> None:
     found = run_up(default, np.array([900.0, 1000.0]), 10, 8)
     motion = ShaftMotion(default, 900.0, 10)
     motion.integrate_turns(8, STEPS_PER_TURN)
     motion.change_speed(1000.0)
     motion.integrate_turns(10, STEPS_PER_TURN)
     assert np.array_equal(found.stroboscopic[1], motion.integrate_turns(8, STEPS_PER_TURN)[:, ::STEPS_PER_TURN])
-    assert found.seeding is None
-    assert "not seeded" in " ".join(bifurcation_study(found, "").remarks)
+    assert found.perturbation is None
+    assert "not perturbed" in " ".join(bifurcation_study(found, "").remarks)
 
 
 def test_all_stations_of_one_motion_equal_those_computed_singly(default: ModelParameters) -> None:
@@ -97,9 +97,9 @@ def test_response_at_a_station_is_that_of_the_synchronous_motion_there(default: 
 
 def test_motion_study_lists_stations_orbit_spectrum_and_poincare_section(default: ModelParameters) -> None:
     def listed(table: MotionTable) -> list[dict[str, float | str]]:
-        return motion_study(default, 1600.0, 3, 40, 16, seed=DEFAULT_SEED, table=table).rows()
+        return motion_study(default, 1600.0, 3, 40, 16, perturbation=DEFAULT_PERTURBATION, table=table).rows()
 
-    stepped = SteppedMotion(default, DEFAULT_SEED)
+    stepped = SteppedMotion(default, DEFAULT_PERTURBATION)
     path = stepped.settle_at(1600.0, 40).record(16).stations[2] / MICROMETRE
     orbit = np.array([[row["x_um"], row["y_um"]] for row in listed(MotionTable.ORBIT)], float)
     assert np.array_equal(orbit.T, path[:, -8 * STEPS_PER_TURN :])
@@ -112,12 +112,12 @@ def test_motion_study_lists_stations_orbit_spectrum_and_poincare_section(default
     assert [row["station"] for row in stations] == [1, 2, 3, 4, 5, 6]
     assert stations[2]["overall_x_um_pp"] == pytest.approx(np.ptp(path[0]))
     assert stations[2]["first_order_x_um_pk"] == pytest.approx(expected[16])
-    assert 200 < stepped.turns_settled < 1000  # time for the seed to grow
+    assert 200 < stepped.turns_settled < 1000  # time for the perturbation to grow
     assert {row["whirl_order"] for row in stations} == {0.6875}  # nearest sixteenth
 
 
 def test_synchronous_motion_is_one_point_and_has_no_whirl() -> None:
-    study = motion_study(gj90c(imbalance=2e-6), 1200.0, settle=20, turns=16, seed=DEFAULT_SEED)
+    study = motion_study(gj90c(imbalance=2e-6), 1200.0, settle=20, turns=16, perturbation=DEFAULT_PERTURBATION)
     assert all(math.isnan(float(row["whirl_order"])) for row in study.rows())
     assert max(float(row["spread_x_um"]) for row in study.rows()) < 0.05
 
@@ -128,10 +128,10 @@ def test_invalid_motion_study_is_refused(default: ModelParameters, speed: float,
         motion_study(default, speed, station)
 
 
-def test_invalid_seed_is_refused(default: ModelParameters) -> None:
-    for seed, shown in ((-1e-8, "-0.01"), (math.nan, "nan"), (20e-6, "20")):
-        expected = f"seed: {shown} µm, expected 0 or more and less than the inner clearance of 20 µm"
+def test_invalid_perturbation_is_refused(default: ModelParameters) -> None:
+    for perturbation, shown in ((-1e-8, "-0.01"), (math.nan, "nan"), (20e-6, "20")):
+        expected = f"perturbation: {shown} µm, expected 0 or more and less than the inner clearance of 20 µm"
         with pytest.raises(ValueError, match=expected):
-            run_up(default, SPEEDS, seed=seed)
+            run_up(default, SPEEDS, perturbation=perturbation)
     with pytest.raises(ValueError, match="motion: none, expected a call of settle_at"):
-        SteppedMotion(default, DEFAULT_SEED).record(8)
+        SteppedMotion(default, DEFAULT_PERTURBATION).record(8)

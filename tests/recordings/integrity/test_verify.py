@@ -11,7 +11,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Calibration, Role, RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, NotFoundError, UnknownFormatError
-from recordings.integrity.checks import Check, check_acquisition
+from recordings.integrity.file_checks import Check, check_acquisition
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.container import Container
 from recordings.mcap.layout import RUN_RECORD, encode_metadata

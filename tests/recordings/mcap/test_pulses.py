@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Edge, RunHeader, TachoCounter
 from analysis.signals.snapshot import CounterReport, Snapshot
-from recordings.integrity.checks import Check, Finding, PulseCheck
+from recordings.integrity.file_checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
 from recordings.mcap.header import header_from_json, header_to_json
 from recordings.mcap.messages import PulseEncoder, PulseMerger

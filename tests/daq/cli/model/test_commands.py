@@ -16,14 +16,14 @@ ROTOR = Path(__file__).parents[4].joinpath("docs", "model.md").read_text(encodin
 SWEEP = ["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.parquet"]
 STUDIES = {
     "modes": ["--count", "6"],
-    "campbell": ["--speeds", "0:8000:17"],
+    "campbell": ["--speeds-rad-s", "0:8000:17"],
     "critical": ["--stiffness-n-m", "1e3:1e10:8:log"],
-    "response": ["--speeds", "500:1500:3"],
-    "onset": ["--speeds", "600:1000:3"],
-    "waterfall": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
-    "bifurcation": ["--speeds", "1000:1100:2", "--settle", "8", "--turns", "8"],
-    "motion": ["--speed", "1100", "--station", "4", "--settle", "8", "--turns", "8", "--seed-um", "0"],
-    "lubrication": ["--speeds", "1000:3000:3"],
+    "response": ["--speeds-rad-s", "500:1500:3"],
+    "onset": ["--speeds-rad-s", "600:1000:3"],
+    "waterfall": ["--speeds-rad-s", "1000:1100:2", "--settle", "8", "--turns", "8"],
+    "bifurcation": ["--speeds-rad-s", "1000:1100:2", "--settle", "8", "--turns", "8"],
+    "motion": ["--speed-rad-s", "1100", "--station", "4", "--settle", "8", "--turns", "8", "--perturbation-um", "0"],
+    "lubrication": ["--speeds-rad-s", "1000:3000:3"],
     "film": ["--eccentricity", "0.2,0.3"],
 }
 
@@ -102,10 +102,10 @@ def plain(tmp_path: Path) -> str:
 
 
 def test_rotor_without_films_is_studied_on_its_supports(plain: str, capsys: Capture) -> None:
-    for name, arguments in {**STUDIES, "response": ["--speeds", "100:900:5"]}.items():
+    for name, arguments in {**STUDIES, "response": ["--speeds-rad-s", "100:900:5"]}.items():
         if name in {"modes", "campbell", "response"}:
             assert document(capsys, name, plain, *arguments)["rows"]
-    rows = document(capsys, "response", plain, "--speeds", "100:900:5", "--station", "2")["rows"]
+    rows = document(capsys, "response", plain, "--speeds-rad-s", "100:900:5", "--station", "2")["rows"]
     # A disc of 2 kg on springs and shaft: in phase with the imbalance below the critical speed, in antiphase above.
     assert rows[0]["lag_deg"] < 5
     assert "up_lag_deg" not in rows[0]
@@ -155,7 +155,7 @@ def test_modes_are_those_of_table_5_2(capsys: Capture) -> None:
 
 
 def test_campbell_tracks_a_branch_of_table_5_3_and_lists_critical_speeds(capsys: Capture) -> None:
-    found = document(capsys, "campbell", "--speeds", "0:8000:17")
+    found = document(capsys, "campbell", "--speeds-rad-s", "0:8000:17")
     first_bending = [row["branch_6_hz"] for row in found["rows"]]
     assert [first_bending[0], first_bending[-1]] == pytest.approx([1731.7, 2409.3], abs=0.06)
     remarks = " ".join(map(str, found["remarks"]))
@@ -163,7 +163,7 @@ def test_campbell_tracks_a_branch_of_table_5_3_and_lists_critical_speeds(capsys:
 
 
 def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> None:
-    found = document(capsys, "onset", "--speeds", "600:1000:3")
+    found = document(capsys, "onset", "--speeds-rad-s", "600:1000:3")
     [remark] = [str(remark) for remark in found["remarks"]]
     # docs/model.md: the synchronous motion is unstable from 7,700 r/min, 806 rad/s, at 0.70X
     assert remark == "inner film: unstable from 800 to 1,000 rad/s, whirl at 0.70X"
@@ -183,7 +183,10 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
         (["waterfall", "--station", "7"], "probe_station: 7, expected 1 to 6"),
         (["motion", "--station", "7"], "probe_station: 7, expected 1 to 6"),
         (["motion", "--turns", "2"], "--turns 2: expected 8 or more"),
-        (["motion", "--seed-um", "50"], "seed: 50 µm, expected 0 or more and less than the inner clearance of 20 µm"),
+        (
+            ["motion", "--perturbation-um", "50"],
+            "perturbation: 50 µm, expected 0 or more and less than the inner clearance of 20 µm",
+        ),
     ],
 )
 def test_invalid_arguments_are_one_message(arguments: list[str], message: str, capsys: Capture) -> None:
@@ -196,7 +199,7 @@ def test_invalid_arguments_are_one_message(arguments: list[str], message: str, c
 @pytest.mark.parametrize("wrong", ["1:2", "2:1:1", "0:10:5", "a,b", "5:1:9", "1:inf:4"])
 def test_invalid_range_is_refused(wrong: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit):
-        main(["model", "onset", "--speeds", wrong])
+        main(["model", "onset", "--speeds-rad-s", wrong])
     assert "expected" in capsys.readouterr().err
 
 

@@ -141,7 +141,7 @@ def test_study_job_of_a_run_s_rig_returns_the_numbers_of_the_command(
     bench: RecordedBench, capsys: pytest.CaptureFixture[str]
 ) -> None:
     made = run_job(bench, kind="onset", run=RUN, speeds=SPEEDS).json()
-    assert main(["model", "onset", str(bench.folder / "rig.toml"), "--speeds", "200:600:3", "--json"]) == 0
+    assert main(["model", "onset", str(bench.folder / "rig.toml"), "--speeds-rad-s", "200:600:3", "--json"]) == 0
     assert made == json.loads(capsys.readouterr().out)
 
 

@@ -33,14 +33,15 @@ def run_study_job(request: dict[str, object], folder: Path) -> Any:
     [
         ({"kind": "modes"}, ["modes"]),
         ({"kind": "modes", "stiffness_n_m": 1e7, "speed_rad_s": 500.0, "count": 6},
-         ["modes", "--stiffness-n-m", "1e7", "--speed", "500", "--count", "6"]),
+         ["modes", "--stiffness-n-m", "1e7", "--speed-rad-s", "500", "--count", "6"]),
         ({"kind": "campbell"}, ["campbell"]),
         ({"kind": "critical", "stiffnesses": {"from_n_m": 1e5, "to_n_m": 1e7, "count": 5}},
          ["critical", "--stiffness-n-m", "1e5:1e7:5:log"]),
-        ({"kind": "response", "speeds": SLOW, "station": 2}, ["response", "--speeds", "200:600:3", "--station", "2"]),
+        ({"kind": "response", "speeds": SLOW, "station": 2},
+         ["response", "--speeds-rad-s", "200:600:3", "--station", "2"]),
         ({"kind": "response", "speeds": SLOW, "stiffness_n_m": 1e7},
-         ["response", "--speeds", "200:600:3", "--stiffness-n-m", "1e7"]),
-        ({"kind": "onset", "speeds": SLOW}, ["onset", "--speeds", "200:600:3"]),
+         ["response", "--speeds-rad-s", "200:600:3", "--stiffness-n-m", "1e7"]),
+        ({"kind": "onset", "speeds": SLOW}, ["onset", "--speeds-rad-s", "200:600:3"]),
     ],
 )  # fmt: skip
 def test_study_job_returns_the_numbers_of_the_command(
