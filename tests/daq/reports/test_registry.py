@@ -2,7 +2,6 @@
 
 import io
 import json
-import re
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -50,7 +49,6 @@ UP_AND_DOWN = {
 OFTEN = {"order-spectrum", "orbit", "cascade", "envelopes", "overall"}  # the others in the campaign
 PARAMETERS: dict[str, dict[str, Any]] = {"envelopes": {"orders": "0.45,1,2"}, "slow-roll": {"slow_roll_rpm": 1550}}
 OF_A_MOMENT = {"order-spectrum", "full-spectrum", "orbit", "waveforms", "average", "poincare"}
-WITHOUT_TACHO = {"overall", "frequency-spectrum"}
 
 
 def record(folder: Path, run: str, **simulation: Any) -> None:
@@ -73,13 +71,6 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RecordedBench]:
 def reader(bench: RecordedBench) -> Iterator[RunReader]:
     with RunReader(bench.folder / f"{RUN}.mcap") as opened:
         yield opened
-
-
-@pytest.fixture(scope="module")
-def silent(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("silent")
-    record(folder, RUN, miswiring="tacho silent", profile=[{"time_s": t, "speed_rpm": 6000.0} for t in (0.0, 1.0)])
-    return folder
 
 
 def npz_columns(bench: RecordedBench, kind: str, **parameters: Any) -> Mapping[str, NDArray[Any]]:
@@ -395,20 +386,6 @@ def test_insufficient_data_is_reported_with_values(
     assert len(output.splitlines()) == 1
 
 
-def test_run_without_tacho_allows_analyses_that_need_none(silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for kind in KINDS:
-        code = main(["analyse", kind, RUN, "--folder", str(silent)])
-        output = capsys.readouterr()
-        if kind in WITHOUT_TACHO:
-            assert code == 0
-            assert RUN in output.out
-        else:
-            assert code == 1, kind
-            assert output.err.startswith("rig: ")
-            assert re.search("tacho|speed is unknown", output.err)
-            assert len(output.err.splitlines()) == 1
-
-
 def test_command_writes_plots_and_tables_without_overwriting(
     bench: RecordedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -450,18 +427,6 @@ def test_all_invalid_options_are_reported_together(bench: RecordedBench, capsys:
     assert "expected numbers with commas" in capsys.readouterr().err
     assert main(["analyse", "orbit", "no-such-run", "--folder", str(bench.folder)]) == 2
     assert "no-such-run" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("kind", sorted(KINDS))
-def test_help_of_every_kind_lists_its_options(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["analyse", kind, "--help"])
-    assert ended.value.code == 0
-    output = " ".join(capsys.readouterr().out.split())
-    for field in KINDS[kind].parameters.model_fields:
-        assert (f"--{field.replace('_', '-')}" in output) == (field != "format")
-    assert "404" not in output
-    assert "`" not in output
 
 
 def test_default_frame_has_the_largest_vibration(bench: RecordedBench) -> None:
