@@ -6,10 +6,11 @@ They use the modes and film parameters of the program, but not its time step, ma
 import math
 from collections.abc import Callable
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from model.compiling import Compiler
+from model.dynamics import modal_system
 from model.dynamics.modal_system import Films, ModalShaft, ModalSystem, Rings
 from model.rotor.parameters import ModelParameters
 
@@ -17,8 +18,10 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Rates = Callable[[float, FloatArray], FloatArray]
 
+compiler = Compiler(modal_system)
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+
+@compiler.compiled
 def _film(z: complex, v: complex, clearance: float, spin: float, factor: float) -> complex:
     x, y = z.real / clearance, z.imag / clearance
     a, b = spin * x - 2 * v.imag / clearance, spin * y + 2 * v.real / clearance
@@ -33,7 +36,7 @@ def _film(z: complex, v: complex, clearance: float, spin: float, factor: float) 
     return -factor * s / u * (turned - 2 * complex(math.cos(alpha), math.sin(alpha)) * q / (1 - q * q))
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+@compiler.compiled
 def _rates(
     time: float, state: ComplexArray, speed: float, shaft: ModalShaft, films: Films, rings: Rings
 ) -> ComplexArray:
@@ -74,7 +77,7 @@ def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) ->
     return rates
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+@compiler.compiled
 def _hold(
     out: ComplexArray, state: ComplexArray, m: int, shapes: FloatArray, matrices: FloatArray, rings: FloatArray
 ) -> None:
@@ -103,7 +106,7 @@ def _hold(
             out[n + r] = complex(pull_x, pull_y) / rings[s, 1] - 1j * rings[s, 2]
 
 
-@numba.njit(cache=True, error_model="numpy")  # type: ignore[untyped-decorator, unused-ignore]  # numba has no types
+@compiler.compiled
 def _rub(out: ComplexArray, state: ComplexArray, m: int, speed: float, shapes: FloatArray, walls: FloatArray) -> None:
     # walls: clearance, stiffness, radius, friction, damping of each
     n = state.size // 2
