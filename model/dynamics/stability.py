@@ -17,7 +17,7 @@ from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN
 from model.dynamics.newmark import NO_FAILURE, integrate
 from model.dynamics.whirl import FilmName, Whirl, order_and_share
-from model.errors import ModelError
+from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
 
@@ -91,7 +91,7 @@ def synchronous_orbit(
 
     Raises
     ------
-    ModelError
+    NoSolutionError
         If none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
@@ -111,7 +111,7 @@ def synchronous_orbit(
         initial_state = initial_state + np.linalg.solve(np.eye(turn.size) - jacobian, miss)
         following = turn.after(initial_state, 1)
     else:
-        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: no periodic motion found")
+        raise NoSolutionError(f"synchronous motion at {speed:.1f} rad/s: no periodic motion found")
     if np.max(np.abs(initial_state - differentiated_at)) > 100 * PERTURBATION * turn.unit:
         jacobian, _ = turn.differentiate(initial_state)
     whirls, disturbances = turn.whirls(initial_state, jacobian)
@@ -132,7 +132,7 @@ class _PoincareMap:
         self.unit = system.films.inner_clearance / float(np.abs(system.shaft.journals[:, 0]).max())
 
     def after(self, initial_state: FloatArray, turns: int) -> FloatArray:
-        """Return the state after whole turns; ModelError if the motion reaches a wall."""
+        """Return the state after whole turns; NoSolutionError if the motion reaches a wall."""
         (q, v, a), _ = self._integrated(initial_state, turns, np.empty((0, self._modes)))
         h = self._step
         combined = 2 / h * q + v
@@ -152,7 +152,7 @@ class _PoincareMap:
             == NO_FAILURE
         )
         if not is_possible:
-            raise ModelError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
+            raise NoSolutionError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
         return state.motion, path
 
     def whirls(self, initial_state: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:

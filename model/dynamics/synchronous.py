@@ -18,7 +18,7 @@ from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.whirl import FilmName, Whirl, inner_shares
-from model.errors import ModelError
+from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
 
@@ -101,7 +101,7 @@ def synchronous_response(
 
     Raises
     ------
-    ModelError
+    NoSolutionError
         If Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
@@ -119,7 +119,7 @@ def synchronous_response(
         speeds = np.geomspace(speed / 20, speed, 60)
         found = _continuation(rest, ((_RotatingFrame(system, float(lower)), 1.0) for lower in speeds))
     if found is None:
-        raise ModelError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
+        raise NoSolutionError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
     modal = frame.modal(found)
     circles = system.stations @ modal
     circle = complex(system.shaft.probe @ modal)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from model.errors import EquilibriumError
+from model.errors import EquilibriumError, ParameterError
 from model.films.film import Film, bearing_films
 from model.films.short_film import CaponeForm, force_components
 from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing
@@ -178,7 +178,7 @@ def differentiated_coefficients(
     """
     _require_inside(abs(position) / film.clearance)
     if not (math.isfinite(surface_speed) and surface_speed != 0):
-        raise ValueError(f"surface_speed: {surface_speed:g} rad/s, expected a finite value other than 0")
+        raise ParameterError(f"surface_speed: {surface_speed:g} rad/s, expected a finite value other than 0")
     rest = np.array([position.real / film.clearance, position.imag / film.clearance, 0.0, 0.0], dtype=np.complex128)
     along_x, along_y = force_components(film.model, (rest[0], rest[1], rest[2], rest[3]), surface_speed, form)
     slopes = np.empty((2, 4))
@@ -246,4 +246,6 @@ def floating_ring_coefficients(
 
 def _require_inside(eccentricity: float) -> None:
     if not 0 < eccentricity < 1:
-        raise ValueError(f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)")
+        raise ParameterError(
+            f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)"
+        )

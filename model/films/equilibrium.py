@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from model.errors import EquilibriumError
+from model.errors import EquilibriumError, ParameterError
 from model.films.long_film import LongFilm, bearing_angle, complete_film, ruptured_film, sommerfeld_angle
 from model.rotor.rotor import require_positive
 
@@ -135,7 +135,7 @@ def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: flo
     for name, value, unit in (("load", load, "N"), ("scale", scale, "Pa"), ("area", area, "m²")):
         require_positive(name, value, unit)
     if not (math.isfinite(inlet_pressure) and inlet_pressure >= 0):
-        raise ValueError(f"inlet_pressure: {inlet_pressure:g} Pa, expected a finite value, 0 or more")
+        raise ParameterError(f"inlet_pressure: {inlet_pressure:g} Pa, expected a finite value, 0 or more")
     target, rise = load / (scale * area), inlet_pressure / scale
     shape = complete_film(_eccentricity_under(target, load, complete_film))
     if rise < shape.inlet_rise:

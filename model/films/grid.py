@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from model.errors import ParameterError
+
 FloatArray = NDArray[np.float64]
 
 
@@ -52,9 +54,9 @@ class Grid:
     def __post_init__(self) -> None:
         for name, value, minimum in (("around", self.around, 8), ("along", self.along, 2)):
             if value < minimum or value % 2:
-                raise ValueError(f"{name}: {value} intervals, expected an even number, {minimum} or more")
+                raise ParameterError(f"{name}: {value} intervals, expected an even number, {minimum} or more")
         if not math.isfinite(self.first_angle):
-            raise ValueError(f"first_angle: {self.first_angle} rad, expected a finite angle")
+            raise ParameterError(f"first_angle: {self.first_angle} rad, expected a finite angle")
 
     @property
     def angles(self) -> FloatArray:

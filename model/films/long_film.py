@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from model.errors import ParameterError
+
 FloatArray = NDArray[np.float64]
 
 
@@ -172,9 +174,11 @@ def ruptured_film(eccentricity: float, extent: float) -> LongFilm:
         If a value is outside its range.
     """
     if not 0 < eccentricity < 1:
-        raise ValueError(f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)")
+        raise ParameterError(
+            f"eccentricity: {eccentricity:g} of the clearance, expected above 0 and below 1 (the wall)"
+        )
     if not 0 < extent <= 1:
-        raise ValueError(f"extent: {extent:g}, expected above 0 and at most 1 (the complete film's end)")
+        raise ParameterError(f"extent: {extent:g}, expected above 0 and at most 1 (the complete film's end)")
     last = 2 * math.pi - math.acos(-eccentricity / 2)
     end = math.pi + extent * (last - math.pi)
     low, high = end - 2 * math.pi, 2 * math.pi - end  # from the lowest to the highest pressure, monotonic

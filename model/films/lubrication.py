@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.errors import ParameterError
 from model.films.equilibrium import FilmEquilibrium, film_equilibrium, just_complete_film
 from model.rotor.parameters import GRAVITY, FloatingRing
 from model.rotor.rotor import require_positive
@@ -117,7 +118,7 @@ class Lubrication:
         for name, unit in (("load_factor", ""), ("inner_capacity_factor", ""), ("flow_scale", "kg/s/sqrt(Pa)")):
             require_positive(name, getattr(self, name), unit)
         if not (math.isfinite(self.gravity) and self.gravity >= 0):
-            raise ValueError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
+            raise ParameterError(f"gravity: {self.gravity:g} m/s², expected a finite value, 0 or more")
 
     @property
     def outer_scale(self) -> float:

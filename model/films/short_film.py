@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from model.errors import ParameterError
 from model.rotor.parameters import FilmModel
 
 FloatArray = NDArray[np.float64]
@@ -283,11 +284,11 @@ def _require_inside(eccentricity: FloatArray) -> None:
     inside = (eccentricity >= 0) & (eccentricity < 1)
     if not np.all(inside):
         worst = float(eccentricity[~inside].flat[0])
-        raise ValueError(f"eccentricity: {worst:g} of the clearance, expected 0 or more and below 1 (the wall)")
+        raise ParameterError(f"eccentricity: {worst:g} of the clearance, expected 0 or more and below 1 (the wall)")
 
 
 def _require_finite(name: str, values: ArrayLike, unit: str) -> None:
     array = np.asarray(values)
     finite = np.isfinite(array)
     if not np.all(finite):
-        raise ValueError(f"{name}: {array[~finite].flat[0]} {unit}, expected a finite value")
+        raise ParameterError(f"{name}: {array[~finite].flat[0]} {unit}, expected a finite value")

@@ -20,7 +20,7 @@ from analysis.spectra.windows import WINDOWS
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
-from model.errors import ModelError, ParameterError
+from model.errors import NoSolutionError, ParameterError
 from model.prediction.prediction import Prediction
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
@@ -215,7 +215,7 @@ def compute_prediction_map(
     for done, speed in enumerate(speeds, 1):
         try:
             synchronous = synchronous_orbit(parameters, float(speed), synchronous)
-        except ModelError:  # far above the onset there may be no orbit within the clearances
+        except NoSolutionError:  # far above the onset there may be no orbit within the clearances
             synchronous = None
         growth_rate = math.nan if synchronous is None else synchronous.growth_rate
         motion.change_speed(float(speed))

@@ -12,7 +12,7 @@ from analysis.signals.units import RPM
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
 from model.dynamics.whirl import FilmName, Whirl, dominant_film
-from model.errors import ModelError
+from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
 from model.studies.linear_studies import SPEED_LABEL
@@ -86,7 +86,7 @@ class _WhirlSolver:
                 self._orbit = synchronous_orbit(self._parameters, speed, self._orbit)
                 return self._orbit.whirls
             self._circle = synchronous_response(self._parameters, speed, self._circle)
-        except ModelError:
+        except NoSolutionError:
             self._orbit = self._circle = None
             return ()
         return self._circle.whirls
@@ -181,13 +181,15 @@ class _BandSearch:
 def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
     """Return growth rates over speed and the unstable bands of both films.
 
-    Raises ModelError if no synchronous motion is found at any speed.
+    Raises NoSolutionError if no synchronous motion is found at any speed.
     """
     found = stability(parameters, speeds)
     missing = int(np.count_nonzero(np.isnan(found.growth_rates)))
     extent = f"from {speeds[0]:,.0f} to {speeds[-1]:,.0f} rad/s"
     if missing == speeds.size:
-        raise ModelError(f"synchronous motion: none found within the clearances at any of {missing} speeds {extent}")
+        raise NoSolutionError(
+            f"synchronous motion: none found within the clearances at any of {missing} speeds {extent}"
+        )
     title = "Stability of the synchronous motion"
     remarks = [
         f"{band.film} film: unstable from {band.start:,.0f} to {band.stop:,.0f} rad/s, whirl at {band.order:.2f}X"

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE, phase_lag_degrees
 from model.dynamics.synchronous import synchronous_response
-from model.errors import ModelError
+from model.errors import NoSolutionError
 from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
 from model.studies.linear_studies import SPEED_LABEL, supported_system
@@ -79,7 +79,7 @@ def _forward_response(parameters: ModelParameters, speeds: FloatArray) -> NDArra
         try:
             last = synchronous_response(weightless, float(speed), last)
             found.append(complex(last.stations[0, parameters.probe_station - 1]))
-        except ModelError:
+        except NoSolutionError:
             last = None
             found.append(complex(math.nan, math.nan))
     return np.array(found)

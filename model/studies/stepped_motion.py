@@ -17,7 +17,7 @@ from analysis.spectra.order_spectrum import order_spectrum
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.whirl import FilmName, Whirl
-from model.errors import ModelError
+from model.errors import NoSolutionError, ParameterError
 from model.rotor.parameters import ModelParameters
 
 FloatArray = NDArray[np.float64]
@@ -80,7 +80,7 @@ class SteppedMotion:
     def __post_init__(self) -> None:
         clearance = self.parameters.floating_ring.inner_clearance
         if not 0 <= self.perturbation < clearance:
-            raise ValueError(
+            raise ParameterError(
                 f"perturbation: {self.perturbation / MICROMETRE:g} µm, expected 0 or more and less than the inner "
                 f"clearance of {clearance / MICROMETRE:g} µm"
             )
@@ -117,7 +117,7 @@ class SteppedMotion:
             return 0
         try:
             self._orbit = synchronous_orbit(self.parameters, motion.speed, self._orbit)
-        except ModelError:  # far above the onset there may be no orbit within the clearances
+        except NoSolutionError:  # far above the onset there may be no orbit within the clearances
             self._orbit, self.growth_rate = None, math.nan
             return 0
         self.growth_rate = self._orbit.growth_rate
