@@ -19,9 +19,8 @@ from daq.errors import UsageError
 from daq.reports.analysis_export import analysis_table, encode_analysis
 from daq.reports.analysis_result import AnalysisResult, analysis_schema
 from daq.reports.columns import QUANTITIES
-from daq.reports.errors import PngUnavailableError
-from daq.reports.parameters import MAX_ORDERS, AnalysisFormat, QueryParameters
-from daq.reports.plots.png import require_matplotlib
+from daq.reports.parameters import MAX_ORDERS, AnalysisFormat, AnalysisQuery
+from daq.reports.plots.theme import PlotStyle
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
 from recordings.exchange.formats import write_table
@@ -29,14 +28,14 @@ from recordings.mcap.reader import RunReader
 
 PROGRESS_DELAY = 1.0  # s before progress is shown
 TABLE_SUFFIXES = (".csv", ".parquet")
-PLOT_FORMATS = {".svg": AnalysisFormat.SVG, ".png": AnalysisFormat.PNG}
+PLOT_FORMATS = {".svg": AnalysisFormat.SVG, ".png": AnalysisFormat.PNG, ".pdf": AnalysisFormat.PDF}
 PARAMETER_NAME = re.compile(r"`(\w+)`")  # another parameter in a description
 DEST_PREFIX = "parameter_"  # separates analysis parameters from other options
 FORMAT_PARAMETER = "format"  # no option: the suffix of -o sets the format
 
 _EPILOG = """\
-Each kind prints a table; --json prints all data, -o FILE.svg or FILE.png plots
-them, -o FILE.csv or FILE.parquet writes the table. Without --time-s and
+Each kind prints a table; --json prints all data, -o FILE.svg, .png or .pdf
+plots them, -o FILE.csv or FILE.parquet writes the table. Without --time-s and
 --speed-rpm the time of the largest vibration is used. The options are the
 parameters of /api/v1/runs/RUN/analyses/KIND, which returns the same numbers.
 examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
@@ -89,7 +88,7 @@ def run_analyse(args: argparse.Namespace) -> int:
     finally:
         console.done()
     for file in args.output:
-        _write_result(file, analysis, run_id, args.kind)
+        _write_result(file, analysis, run_id, args.kind, parameters.plot_style())
     if args.json:
         print_json(analysis_schema(run_id, args.kind, analysis))
     else:
@@ -114,7 +113,7 @@ def _option(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _parameters(model: type[QueryParameters], args: argparse.Namespace) -> QueryParameters:
+def _parameters(model: type[AnalysisQuery], args: argparse.Namespace) -> AnalysisQuery:
     """Return the analysis parameters given as options; UsageError names every invalid option."""
     given = {
         name.removeprefix(DEST_PREFIX): value for name, value in vars(args).items() if name.startswith(DEST_PREFIX)
@@ -143,20 +142,15 @@ def _require_writable(file: Path) -> None:
         raise UsageError(f"-o {file}: exists already; tables are never overwritten")
     if not file.parent.is_dir():
         raise UsageError(f"-o {file}: there is no folder {file.parent}")
-    if PLOT_FORMATS.get(suffix) is AnalysisFormat.PNG:
-        try:
-            require_matplotlib()
-        except PngUnavailableError as error:
-            raise UsageError(f"-o {file}: {error}") from error
 
 
-def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str) -> None:
+def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str, style: PlotStyle) -> None:
     file_format = PLOT_FORMATS.get(file.suffix.lower())
     if file_format is None:
         write_table(file, analysis_table(analysis, run_id))
         return
     try:
-        file.write_bytes(encode_analysis(analysis, run_id, kind, file_format))
+        file.write_bytes(encode_analysis(analysis, run_id, kind, file_format, style))
     except OSError as error:
         raise UsageError(f"-o {file}: {error.strerror or error}") from error
 

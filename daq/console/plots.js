@@ -75,7 +75,7 @@ export function plotsOf(run) {
 
 // Returns a plot as an image; if it exceeds the request's time limit, a job makes it and `onProgress` gets its progress.
 async function plotImage(run, kind, parameters, onProgress) {
-  const query = new URLSearchParams({ ...parameters, format: "svg" });
+  const query = new URLSearchParams({ ...parameters, format: "svg", theme: "dark" });
   try {
     return await getImage(`/api/v1/runs/${encodeURIComponent(run)}/analyses/${kind}?${query}`, PLOT_TIMEOUT);
   } catch (error) {

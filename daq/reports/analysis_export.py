@@ -1,4 +1,4 @@
-"""Analyses of a recorded run as JSON, npz, Arrow, SVG, PNG or a table; cached until the file changes."""
+"""Analyses of a recorded run as JSON, npz, Arrow, SVG, PNG, PDF or a table; cached until the file changes."""
 
 import io
 import re
@@ -12,8 +12,7 @@ import numpy as np
 from daq.reports.analysis_result import AnalysisResult, ProgressCallback, analysis_schema
 from daq.reports.errors import ArrowUnavailableError
 from daq.reports.parameters import AnalysisFormat, AnalysisQuery
-from daq.reports.plots.png import render_png
-from daq.reports.plots.svg import render_svg
+from daq.reports.plots.theme import PlotStyle
 from daq.reports.registry import KINDS
 from daq.reports.run_history import file_status
 from daq.reports.run_samples import RunSamples
@@ -30,9 +29,8 @@ def analysis_response(path: Path, what: str, query: AnalysisQuery) -> bytes:
     if match is None:
         raise ValueError(f"what: {what!r}, expected an analysis and its format, such as analyses/orbit.svg")
     status = file_status(path)
-    parameters = query.model_copy(update={"format": None})
-    run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, match[2], parameters)
-    return encode_analysis(analysis, run, match[2], AnalysisFormat(match[3]))
+    run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, match[2], query.without_appearance())
+    return encode_analysis(analysis, run, match[2], AnalysisFormat(match[3]), query.plot_style())
 
 
 def run_analysis(
@@ -50,13 +48,15 @@ def _cached_analysis(
     return run_analysis(path, kind, query, lambda _task, _fraction: None)
 
 
-def encode_analysis(analysis: AnalysisResult, run: str, kind: str, file_format: AnalysisFormat) -> bytes:
-    """Return an analysis encoded in a format.
+def encode_analysis(
+    analysis: AnalysisResult, run: str, kind: str, file_format: AnalysisFormat, style: PlotStyle
+) -> bytes:
+    """Return an analysis encoded in a format; ``style`` is that of a plot.
 
     Raises
     ------
-    PngUnavailableError, ArrowUnavailableError
-        The package that writes the format is not installed.
+    ArrowUnavailableError
+        pyarrow is not installed.
     """
     match file_format:
         case AnalysisFormat.JSON:
@@ -65,10 +65,10 @@ def encode_analysis(analysis: AnalysisResult, run: str, kind: str, file_format: 
             return _npz(analysis, run)
         case AnalysisFormat.ARROW:
             return _arrow(analysis, run)
-        case AnalysisFormat.SVG:
-            return render_svg(analysis.panels).encode()
-        case AnalysisFormat.PNG:
-            return render_png(analysis.panels)
+        case AnalysisFormat.SVG | AnalysisFormat.PNG | AnalysisFormat.PDF:
+            from daq.reports.plots.render import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+
+            return render(analysis.panels, file_format.value, style)
 
 
 def analysis_table(analysis: AnalysisResult, run: str) -> Table:

@@ -6,8 +6,7 @@
     ├── InsufficientDataError     the samples do not contain what the analysis needs             exit 1
     ├── DataNotFoundError         the run has nothing at the requested segment, time or speed    exit 2
     ├── RequestTooLargeError      the result would exceed a size limit                           exit 2
-    ├── ArrowUnavailableError     pyarrow is not installed                                       exit 2
-    └── PngUnavailableError       matplotlib is not installed                                    exit 2
+    └── ArrowUnavailableError     pyarrow is not installed                                       exit 2
 """
 
 from collections.abc import Iterator
@@ -35,12 +34,6 @@ class RequestTooLargeError(RigError):
 
 class ArrowUnavailableError(RigError):
     """Arrow needs pyarrow, which is not installed."""
-
-    exit_code = 2
-
-
-class PngUnavailableError(RigError):
-    """PNG needs matplotlib, which is not installed."""
 
     exit_code = 2
 

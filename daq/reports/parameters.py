@@ -1,13 +1,14 @@
 """Query parameters of the results and analyses of a recorded run, for REST and the command line."""
 
 from enum import StrEnum
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
 
 from analysis.signals.header import WindowName
 from analysis.spectra.order_map import Scaling
+from daq.reports.plots.theme import DEFAULT_DPI, DEFAULT_WIDTH, PlotStyle, Theme
 
 Segment = Annotated[
     int | None, Field(description="Only this gap-free segment of the run, from 0", ge=0, le=1_000_000, examples=[0])
@@ -178,6 +179,7 @@ class AnalysisFormat(StrEnum):
     ARROW = "arrow"
     SVG = "svg"
     PNG = "png"
+    PDF = "pdf"
 
 
 class MapLines(StrEnum):
@@ -192,6 +194,22 @@ class AnalysisQuery(QueryParameters):
     """Base of the parameters of all analyses."""
 
     format: Annotated[AnalysisFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
+    theme: Annotated[Theme, Field(description="Background of a plot", examples=["light"])] = Theme.LIGHT
+    figure_width_mm: Annotated[
+        float, Field(description="Width of a plot, mm; 85 for one column of a journal", ge=80, le=200, examples=[170.0])
+    ] = DEFAULT_WIDTH
+    dpi: Annotated[
+        float, Field(description="Resolution of a PNG plot, pixels per inch", ge=50, le=600, examples=[200.0])
+    ] = DEFAULT_DPI
+
+    def plot_style(self) -> PlotStyle:
+        """Return the appearance of a plot."""
+        return PlotStyle(self.theme, self.figure_width_mm, self.dpi)
+
+    def without_appearance(self) -> Self:
+        """Return the parameters that the numbers depend on; the others have their defaults."""
+        defaults = {name: AnalysisQuery.model_fields[name].default for name in AnalysisQuery.model_fields}
+        return self.model_copy(update=defaults)
 
 
 class ShaftAngleQuery(AnalysisQuery):

@@ -13,9 +13,7 @@ from analysis.signals.header import Role, RunHeader
 from analysis.signals.units import RPM
 from daq.reports.analysis_export import ANALYSIS_PATH, analysis_response
 from daq.reports.parameters import AnalysisQuery, FrameQuery, TrendQuery
-from daq.reports.plots.png import render_png
 from daq.reports.plots.recorded import result_panels
-from daq.reports.plots.svg import render_svg
 from daq.reports.recorded_results import cascade, trend_schema, waterfall
 from daq.reports.run_history import RunHistory, file_status, load_history, snapshot_at
 from daq.schemas.results import (
@@ -27,7 +25,7 @@ from daq.schemas.summary import speed_row_schema, sub_synchronous_schema
 from daq.schemas.units import Schema
 
 RESPONSE_CACHE_SIZE = 128
-PLOT_PATH = re.compile(r"plots/([a-z-]+)\.(svg|png)")
+PLOT_PATH = re.compile(r"plots/([a-z-]+)\.(svg|png|pdf)")
 PLOT_SOURCES = {"bode": "order-vectors", "polar": "order-vectors"}  # results shown by plots with another name
 GZIP_LEVEL = 4  # higher levels take more time and save almost nothing
 
@@ -124,7 +122,9 @@ def _cached_response(
         panels = result_panels(
             result_schema(path, result_path(requested_path), query), name, _probe_angles(load_history(path).header)
         )
-        body = render_svg(panels).encode() if form == "svg" else render_png(panels)
+        from daq.reports.plots.render import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+
+        body = render(panels, form)
     return gzip.compress(body, GZIP_LEVEL, mtime=0) if gzipped else body
 
 

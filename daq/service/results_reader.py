@@ -16,7 +16,6 @@ from daq.reports.errors import (
     ArrowUnavailableError,
     DataNotFoundError,
     InsufficientDataError,
-    PngUnavailableError,
     RequestTooLargeError,
 )
 from daq.reports.parameters import SampleFormat, SamplesQuery
@@ -53,7 +52,6 @@ PROBLEMS_BY_ERROR: dict[type[Exception], ProblemType] = {
     DataNotFoundError: ProblemType.NO_DATA,
     RequestTooLargeError: ProblemType.RESPONSE_TOO_LARGE,
     ArrowUnavailableError: ProblemType.NOT_ACCEPTABLE,
-    PngUnavailableError: ProblemType.NOT_ACCEPTABLE,
     WorkerStoppedError: ProblemType.BUSY,
     WorkerTimeoutError: ProblemType.TIME_LIMIT_EXCEEDED,
     InsufficientDataError: ProblemType.INSUFFICIENT_DATA,

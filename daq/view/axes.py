@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from daq.view.drawing import FRAME, GRID, LABEL, Anchor, Drawing
+from daq.colours import FRAME, GRID, LABEL
+from daq.view.drawing import Anchor, Drawing
 
 FloatArray = NDArray[np.float64]
 

@@ -5,21 +5,9 @@ import math
 from analysis.signals.header import Role, Severity
 from analysis.signals.snapshot import TachoState
 from analysis.signals.units import MICROMETRE, RPM
+from daq.colours import ALARM, DANGER, DARK_TEXT, GOOD, GRID, LABEL, MEASURED_X, MEASURED_Y, TEXT, Color
 from daq.session.live_update import LiveUpdate, RunState, Status
-from daq.view.drawing import (
-    ALARM,
-    DANGER,
-    DARK_TEXT,
-    GOOD,
-    GRID,
-    LABEL,
-    MEASURED_X,
-    MEASURED_Y,
-    TEXT,
-    Anchor,
-    Color,
-    Drawing,
-)
+from daq.view.drawing import Anchor, Drawing
 from daq.view.status_text import clock, disk_time, rpm, worst_alarm
 from daq.view.stroke_font import text_width
 
@@ -28,7 +16,7 @@ _STEADY = 3.0 * RPM  # rad/s²: up to 3 r/min per second no ramp is shown
 _BLOCKS: dict[Severity, tuple[str, Color, Color]] = {
     Severity.NORMAL: ("NORMAL", GOOD, TEXT),
     Severity.ALARM: ("ALARM", ALARM, DARK_TEXT),
-    Severity.DANGER: ("DANGER", DANGER, TEXT),
+    Severity.DANGER: ("DANGER", DANGER, DARK_TEXT),
 }
 
 

@@ -9,8 +9,9 @@ from analysis.signals.header import RunHeader
 from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from daq.colours import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Anchor, Color, Drawing, dimmed
+from daq.view.drawing import MODEL_DASH, Anchor, Drawing, dimmed
 from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]

@@ -1,34 +1,16 @@
-"""Line drawings logged as one entity of the viewer, in a plane with x to the right and y DOWN; and their colours."""
+"""Line drawings logged as one entity of the viewer, in a plane with x to the right and y DOWN."""
 
 from collections.abc import Iterator, Sequence
 from enum import Enum
-from typing import TypeAlias
 
 import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
+from daq.colours import BACKGROUND, TEXT, Color, mixed
 from daq.view.stroke_font import text_strokes, text_width
 
 FloatArray = NDArray[np.float64]
-
-Color: TypeAlias = tuple[int, int, int, int]
-
-MEASURED_X: Color = (79, 195, 247, 255)  # probe x and measured orbit
-MEASURED_Y: Color = (124, 227, 139, 255)  # probe y
-MODEL: Color = (255, 163, 26, 255)  # all predictions
-TACHO: Color = (190, 150, 255, 255)  # keyphasor mark and tacho signal
-TEXT: Color = (236, 240, 245, 255)
-LABEL: Color = (158, 170, 184, 255)  # labels and units
-GRID: Color = (50, 57, 67, 255)
-FRAME: Color = (110, 120, 134, 255)
-CLEARANCE: Color = (214, 218, 224, 255)
-MARKER: Color = (255, 122, 190, 255)  # a marker of an operator
-GOOD: Color = (46, 160, 67, 255)
-ALARM: Color = (255, 235, 59, 255)
-DANGER: Color = (229, 28, 35, 255)
-BACKGROUND: Color = (13, 16, 21, 255)  # of all views
-DARK_TEXT: Color = (12, 12, 12, 255)  # text on a bright block
 
 MODEL_DASH = 4.0
 """Dash length of predicted curves in the units of a plane about 300 wide; distinguishes them without colour."""
@@ -41,8 +23,7 @@ _SHADES = np.array(
 
 def dimmed(color: Color, share: float) -> Color:
     """Return the colour mixed with the background; ``share`` of the colour, 0 to 1."""
-    red, green, blue = (round(share * c + (1.0 - share) * p) for c, p in zip(color[:3], BACKGROUND[:3], strict=True))
-    return (red, green, blue, 255)
+    return mixed(color, share, BACKGROUND)
 
 
 def shades(values: NDArray[np.float64]) -> NDArray[np.uint8]:

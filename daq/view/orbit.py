@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE
+from daq.colours import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Color
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Anchor, Color, Drawing, dimmed
+from daq.view.drawing import Anchor, Drawing, dimmed
 from model.prediction.prediction import Prediction
 
 FloatArray = NDArray[np.float64]

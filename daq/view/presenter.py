@@ -6,10 +6,11 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from analysis.signals.header import RunHeader
+from daq.colours import BACKGROUND
 from daq.session.live_update import LiveUpdate
 from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, traces
 from daq.view.bode import BodePlot
-from daq.view.drawing import BACKGROUND, Drawing
+from daq.view.drawing import Drawing
 from daq.view.orbit import OrbitPlot
 from daq.view.spectral_maps import CascadePlot, WaterfallPlot
 from daq.view.spectrum import SpectrumPlot

@@ -12,9 +12,10 @@ from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.signals.units import MICROMETRE, RPM
 from analysis.spectra.waterfall import Cascade, Waterfall
+from daq.colours import CLEARANCE, LABEL, MODEL, TEXT
 from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
-from daq.view.drawing import CLEARANCE, LABEL, MODEL, TEXT, Anchor, Drawing, dimmed, shades
+from daq.view.drawing import Anchor, Drawing, dimmed, shades
 from daq.view.traces import draw_horizontal_marker
 from model.prediction.prediction import Prediction
 

@@ -8,8 +8,9 @@ import numpy as np
 
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE
+from daq.colours import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TEXT, Anchor, Color, Drawing, dimmed
+from daq.view.drawing import MODEL_DASH, Anchor, Drawing, dimmed
 from daq.view.status_text import micrometres
 from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from daq.colours import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.session.live_update import LiveUpdate
-from daq.view.drawing import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Anchor, Color, Drawing
+from daq.view.drawing import Anchor, Drawing
 from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction
 

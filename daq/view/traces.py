@@ -9,22 +9,10 @@ from numpy.typing import NDArray
 
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM
+from daq.colours import ALARM, LABEL, MARKER, MEASURED_X, MEASURED_Y, MODEL, TACHO, TEXT, Color
 from daq.session.live_update import TimedMarker
 from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import (
-    ALARM,
-    LABEL,
-    MARKER,
-    MEASURED_X,
-    MEASURED_Y,
-    MODEL,
-    MODEL_DASH,
-    TACHO,
-    TEXT,
-    Anchor,
-    Color,
-    Drawing,
-)
+from daq.view.drawing import MODEL_DASH, Anchor, Drawing
 from daq.view.stroke_font import text_width
 from model.prediction.prediction import Prediction
 from recordings.mcap.markers import MarkerKind

@@ -45,8 +45,8 @@ Compute = Callable[[ModelParameters, argparse.Namespace], Study]
 _EPILOG = """\
 RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values
 separated by commas. RIG.TOML may be a rotor file; the default is the GJ90C of
-the thesis. Every study prints a table; --json prints it as JSON, -o FILE.svg
-or FILE.png draws it.
+the thesis. Every study prints a table; --json prints it as JSON, -o FILE.svg,
+.png or .pdf draws it.
 """
 
 

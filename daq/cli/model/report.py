@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from html import escape
 from itertools import cycle
 
-from daq.cli.model.output import render
 from model.studies.study import Plot, Series, Style, Surface
 from model.studies.thesis.chapter_6 import Trend
 from model.studies.thesis.report import Comparison, Figure
@@ -135,6 +134,8 @@ def _trends(trends: Iterable[Trend]) -> str:
 
 
 def _figure(one: Captioned, salt: str) -> str:
+    from daq.cli.model.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+
     caption, plots = one
     svg = render(plots, "svg", salt).decode()
     return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{escape(caption)}</figcaption></figure>"

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
-from daq.cli.model.output import require_drawing, save, show_study
+from daq.cli.model.output import require_plot_format, save, show_study
 from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep.run import grid, run_sweep
@@ -47,7 +47,7 @@ def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
     command.add_argument(
         "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; an interrupted sweep resumes"
     )
-    command.add_argument("--plot", type=Path, metavar="FILE.svg|.png", help="draw the results over the first parameter")
+    command.add_argument("--plot", type=Path, metavar="FILE.svg|.png|.pdf", help="draw over the first parameter")
     command.add_argument("--json", action="store_true", help="print all points as JSON")
     where = command.add_mutually_exclusive_group()
     where.add_argument(
@@ -89,7 +89,7 @@ def _vary(text: str) -> tuple[str, FloatArray]:
 def run(args: argparse.Namespace) -> int:
     """Compute a sweep, write and print it; return the exit code."""
     if args.plot is not None:
-        require_drawing(args.plot, "--plot")
+        require_plot_format(args.plot, "--plot")
     vary = dict(args.vary)
     if len(vary) < len(args.vary):
         raise UsageError("--vary: a name is given twice, expected once each")

@@ -4,7 +4,6 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from daq.cli.model.output import require_drawing
 from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
 from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
@@ -57,7 +56,6 @@ def add_thesis(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compute and write the report; return the exit code."""
-    require_drawing()
     folder: Path = args.output
     console = TerminalOutput()
     try:

@@ -93,7 +93,7 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     caption = f"solved together, band of {chosen.bandwidth_text}; ± {np.median(sigma):.2g} µm (median 1 σ)"
     panels = [
         Panel(
-            title if probe == 0 else "the same at probe y", "s", f"µm zero-to-peak at {'xy'[probe]}",
+            title if probe == 0 else "the same at probe y", "time, s", f"amplitude, µm zero-to-peak, at {'xy'[probe]}",
             tuple(
                 Curve(f"{order:g}X", times.tolist(), size.tolist(), colour=colour)
                 for order, size, colour in zip(chosen.orders, sizes[probe], DISTINCT_COLOURS, strict=False)
@@ -102,7 +102,9 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
         )
         for probe in (0, 1)
     ]  # fmt: skip
-    panels.append(Panel("speed", "s", "r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED_COLOUR),)))
+    panels.append(
+        Panel("speed", "time, s", "speed, r/min", (Curve("", times.tolist(), speeds.tolist(), colour=SPEED_COLOUR),))
+    )
     by_probe = {}
     for probe, name in enumerate("xy"):
         by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
@@ -174,7 +176,7 @@ def _waves(
     ]
     dots = [Curve("", marks.tolist(), np.interp(marks, shifted, row).tolist(), Style.KEYPHASOR) for row in rows]
     shown = caption if probe == 0 else ""
-    return Panel(title, "ms", f"µm at {'xy'[probe]}", (*curves, *dots), shown, y_from_zero=False)
+    return Panel(title, "time, ms", f"displacement, µm, at {'xy'[probe]}", (*curves, *dots), shown, y_from_zero=False)
 
 
 def solve_orders(

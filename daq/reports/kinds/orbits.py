@@ -101,7 +101,9 @@ def _timebase(found: Orbit, begin: float) -> Panel:
     marks = [
         Curve("", times[:, 0].tolist(), (row / MICROMETRE).tolist(), Style.KEYPHASOR) for row in found.keyphasor_points
     ]
-    return Panel("time base, dots: keyphasor mark", "ms", "µm", (*curves, *marks), y_from_zero=False)
+    return Panel(
+        "time base, dots: keyphasor mark", "time, ms", "displacement, µm", (*curves, *marks), y_from_zero=False
+    )
 
 
 def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:

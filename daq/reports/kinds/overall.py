@@ -58,8 +58,8 @@ def analyse_overall(run: RunSamples, query: OverallQuery) -> AnalysisResult:
             severity=severity,
         ),
         panels=(
-            Panel(title, "s", "µm peak-to-peak", curves, caption),
-            Panel("speed", "s", "r/min", (speed_curve,), x_range=(ends[0], ends[1])),
+            Panel(title, "time, s", "displacement, µm peak-to-peak", curves, caption),
+            Panel("speed", "time, s", "speed, r/min", (speed_curve,), x_range=(ends[0], ends[1])),
         ),
         scalars={"peak_to_peak_max_um": float(larger[at]) / MICROMETRE},
         remarks=remarks,

@@ -32,7 +32,7 @@ def analyse_bifurcation(run: RunSamples, query: BifurcationQuery) -> AnalysisRes
     reach = 1.05 * float(np.abs(positions).max())
     panels = tuple(
         Panel(
-            title if row == 0 else "Y", "r/min", f"{name} at the keyphasor mark, µm",
+            title if row == 0 else "Y", "speed, r/min", f"{name} at the keyphasor mark, µm",
             (Curve("", speeds[shown].tolist(), positions[row, shown].tolist(), Style.DOTS, colour=row),),
             caption if row == 0 else "", y_range=(-reach, reach),
         )

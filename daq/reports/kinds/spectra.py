@@ -117,7 +117,7 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
     return AnalysisResult(
         title=title,
         columns=columns(frequency_hz=frequencies, amplitude_peak_x_um=x, amplitude_peak_y_um=y),
-        panels=tuple(spectrum(title, "Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
+        panels=tuple(spectrum(title, "frequency, Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
         scalars={
             "noise_bandwidth_hz": found.noise_bandwidth,
             "frames": float(found.frames),

@@ -22,6 +22,7 @@ from daq.reports.run_samples import RunSamples
 FloatArray = NDArray[np.float64]
 
 MAX_ROWS = 400
+X_LABELS = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "frequency, Hz"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,7 +140,9 @@ def _result(
     guides: tuple[Curve, ...],
 ) -> AnalysisResult:  # fmt: skip
     is_order = query.lines is not MapLines.FREQUENCIES
-    across = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "Hz"}[query.lines]
+    across = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "frequency, Hz"}[
+        query.lines
+    ]
     title = f"{run.header.run} · {found.title.format(name)}"
     rows, lines = sizes.shape
     table = {
@@ -147,7 +150,8 @@ def _result(
         "order" if is_order else "frequency_hz": np.tile(found.axis, rows),
         "amplitude_peak_um": sizes.ravel(),
     }
-    panel = stacked(title, across, unit, found.axis.tolist(), feet.tolist(), sizes.tolist(), found.caption, guides)
+    label = f"speed, {unit}" if unit == "r/min" else f"time, {unit}"
+    panel = stacked(title, across, label, found.axis.tolist(), feet.tolist(), sizes.tolist(), found.caption, guides)
     picked = np.unique(np.linspace(0, rows - 1, min(24, rows)).round().astype(np.intp))
     return AnalysisResult(
         title=title,

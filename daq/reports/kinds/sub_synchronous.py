@@ -87,8 +87,10 @@ def _panels(title: str, tracks: tuple[SubsynchronousTrack, ...], slowest: float,
     ]
     caption = "; ".join(_description(track) for track in tracks[:2]) or "no component above the noise"
     return (
-        Panel(title, "r/min", "Hz", (*frequency, *guides), caption),
-        Panel("half the major axis", "r/min", "µm zero-to-peak", tuple(size), x_range=(slowest, fastest)),
+        Panel(title, "speed, r/min", "frequency, Hz", (*frequency, *guides), caption),
+        Panel(
+            "half the major axis", "speed, r/min", "amplitude, µm zero-to-peak", tuple(size), x_range=(slowest, fastest)
+        ),
     )
 
 

@@ -1,1 +1,1 @@
-"""Plots of results as SVG and PNG: panels, layouts, renderers."""
+"""Plots of results as SVG, PNG and PDF: panels, layouts, figures, renderer."""

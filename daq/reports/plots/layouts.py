@@ -8,7 +8,7 @@ from itertools import pairwise
 from daq.reports.plots.panel import FULL_TURN, MARGIN, Curve, Panel, Style, Values
 
 FULL_SPECTRUM_LABEL = "order (negative: against the rotation)"
-LABEL_SPACING = 0.15  # of the largest vector, between speed labels of a polar plot
+LABEL_SPACING = 0.18  # of the largest vector, between speed labels of a polar plot
 MAX_LINES = 40  # of a cascade
 LINE_HEIGHT = 0.2  # height of a cascade's largest line over the length of the y axis
 PROBE_LABEL_RADIUS = 0.97  # of the axes of an orbit
@@ -52,10 +52,10 @@ def bode(title: str, what: str, unit: str, ramps: Sequence[RampCurve], caption: 
             size.append(Curve(named, ramp.speeds, ramp.amplitudes[probe], colour=colour))
     return [
         Panel(
-            title, "r/min", f"phase lag of {what}, degrees", tuple(lag), caption, y_range=(begin, begin + FULL_TURN),
-            y_is_lag=True,
+            title, "speed, r/min", f"phase lag of {what}, degrees", tuple(lag), caption,
+            y_range=(begin, begin + FULL_TURN), y_is_lag=True,
         ),
-        Panel(f"amplitude of {what}", "r/min", unit, tuple(size)),
+        Panel(f"amplitude of {what}", "speed, r/min", f"amplitude, {unit}", tuple(size)),
     ]  # fmt: skip
 
 
@@ -137,12 +137,12 @@ def spectrum(
     highest = max((value for _, row in rows for value in row if value is not None), default=0.0) or 1.0
     panels = []
     for place, (name, row) in enumerate(rows):
-        unit_of_x = "X" if "order" in x_label else f" {x_label}"
+        unit_of_x = "X" if "order" in x_label else f" {x_label.rpartition(', ')[2]}"
         tops = _peaks(across, row, MIN_LABEL_FRACTION * highest)
         notes = tuple((f"{x:.3g}{unit_of_x} {size:.3g}", x, size) for x, size in tops)
         panels.append(
             Panel(
-                title if place == 0 else "", x_label, f"{unit}{name and f' at {name}'}",
+                title if place == 0 else "", x_label, f"amplitude, {unit}{name and f', at {name}'}",
                 (Curve("", across, row, colour=place),), caption if place == 0 else "", y_range=(0.0, MARGIN * highest),
                 notes=notes,
             )

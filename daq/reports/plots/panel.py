@@ -138,5 +138,5 @@ def _quarters(low: float, high: float) -> list[float]:
 
 
 def label(tick: float) -> str:
-    """Return the text of a tick, thousands separated by commas."""
-    return f"{tick:,.6g}" if abs(tick) < 1e6 else f"{tick:g}"
+    """Return the text of a tick, thousands separated by commas, with a true minus sign."""
+    return (f"{tick:,.6g}" if abs(tick) < 1e6 else f"{tick:g}").replace("-", "−")

@@ -44,9 +44,9 @@ def result_panels(result: Schema, what: str, directions: tuple[float, float]) ->
                 return polar(result.run, what_of, PEAK_UNIT, ramps, directions)
             return bode(result.run, what_of, PEAK_UNIT, ramps)
         case CascadeSchema():
-            return [_stacked(result, "cascade", result.speeds_rpm, "r/min")]
+            return [_stacked(result, "cascade", result.speeds_rpm, "speed, r/min")]
         case WaterfallSchema():
-            return [_stacked(result, "waterfall", result.times_s, "s")]
+            return [_stacked(result, "waterfall", result.times_s, "time, s")]
         case _:
             raise ValueError(f"result: {type(result).__name__}, expected a schema with a plot")
 

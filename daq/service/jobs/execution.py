@@ -77,7 +77,8 @@ def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, qu
     """Write an analysis of a run's samples, in the format of the target's suffix."""
     run, analysis = run_analysis(path, kind, query, ProgressThrottle(report).report)
     report(Progress("writing"))
-    write_result(target, encode_analysis(analysis, run, kind, AnalysisFormat(target.suffix.removeprefix("."))))
+    file_format = AnalysisFormat(target.suffix.removeprefix("."))
+    write_result(target, encode_analysis(analysis, run, kind, file_format, query.plot_style()))
 
 
 def summary_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:

@@ -1,4 +1,4 @@
-"""Routes of a run's analyses, as numbers or plots, and of plots of its results as SVG or PNG."""
+"""Routes of a run's analyses, as numbers or plots, and of plots of its results as SVG, PNG or PDF."""
 
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any, Final, Protocol, TypeAlias
@@ -21,8 +21,9 @@ from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, preferred_media_type
 from daq.service.routing import Routing, RunId
 
-PLOT_TYPES: Final = {"svg": "image/svg+xml", "png": "image/png"}
-PLOT_SCHEMAS: Final = {"svg": {"type": "string"}, "png": {"type": "string", "format": "binary"}}
+PLOT_TYPES: Final = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf"}
+BINARY: Final = {"type": "string", "format": "binary"}
+PLOT_SCHEMAS: Final = {"svg": {"type": "string"}, "png": BINARY, "pdf": BINARY}
 
 Handler: TypeAlias = Callable[..., Awaitable[Response]]
 
@@ -56,7 +57,6 @@ def add_plots(routing: Routing, respond: ResultHandler) -> None:
                 f"{title}, as {file_format.upper()} plot",
                 *RUN_READ_PROBLEMS,
                 ProblemType.NO_DATA,
-                *((ProblemType.NOT_ACCEPTABLE,) if file_format == "png" else ()),
                 responses={200: {"content": {media_type: {"schema": PLOT_SCHEMAS[file_format]}}}, **NOT_MODIFIED},
             )
 
@@ -99,15 +99,12 @@ ANALYSIS_MEDIA_TYPES: Final = {
     "application/json": AnalysisFormat.JSON,
     NPZ: AnalysisFormat.NPZ,
     ARROW: AnalysisFormat.ARROW,
-    PLOT_TYPES["svg"]: AnalysisFormat.SVG,
-    PLOT_TYPES["png"]: AnalysisFormat.PNG,
+    **{media_type: AnalysisFormat(file_format) for file_format, media_type in PLOT_TYPES.items()},
 }
-BINARY: Final = {"schema": {"type": "string", "format": "binary"}}
 ANALYSIS_CONTENT: Final[dict[str, Any]] = {
-    NPZ: BINARY,
-    ARROW: BINARY,
-    PLOT_TYPES["svg"]: {"schema": PLOT_SCHEMAS["svg"]},
-    PLOT_TYPES["png"]: {"schema": PLOT_SCHEMAS["png"]},
+    NPZ: {"schema": BINARY},
+    ARROW: {"schema": BINARY},
+    **{media_type: {"schema": PLOT_SCHEMAS[file_format]} for file_format, media_type in PLOT_TYPES.items()},
 }
 
 

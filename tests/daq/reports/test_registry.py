@@ -389,7 +389,7 @@ def test_insufficient_data_is_reported_with_values(
 def test_command_writes_plots_and_tables_without_overwriting(
     bench: RecordedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    names = ("orbit.svg", "orbit.png", "orbit.csv", "orbit.parquet")
+    names = ("orbit.svg", "orbit.png", "orbit.pdf", "orbit.csv", "orbit.parquet")
     files = [part for name in names for part in ("-o", str(tmp_path / name))]
     parameters = ["analyse", "orbit", RUN, "--time-s", "2.5", "--folder", str(bench.folder)]
     assert main([*parameters, *files]) == 0
@@ -404,7 +404,7 @@ def test_command_writes_plots_and_tables_without_overwriting(
     shown = (tmp_path / "orbit.csv").read_bytes()
     for file, message in (
         ("orbit.csv", "exists already"),
-        ("orbit.pdf", "expected a name that ends with"),
+        ("orbit.gif", "expected a name that ends with"),
         ("no/a.svg", "no folder"),
     ):
         assert main([*parameters, "-o", str(tmp_path / file)]) == 2

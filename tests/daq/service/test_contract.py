@@ -20,7 +20,7 @@ KNOWN = "2026-11-24T09-12-07-gj90c"  # the id in the schema's examples
 MIN_CAMPAIGN_CASES = 20_000
 DELETE_RUN = "delete_run"  # excluded: it would move the tested run to the trash
 ANALYSES = r"/analyses/(?!(orbit|cascade|envelopes)$)"  # excluded: they take the same parameters as these three
-PNG = r"\.png$"  # excluded: half a second each, with the same parameters as SVG
+OTHER_PLOTS = r"\.(png|pdf)$"  # excluded: slow, with the same parameters as SVG
 
 
 @pytest.fixture
@@ -75,9 +75,9 @@ def test_service_conforms_to_its_schema_in_a_short_run(bench: RecordedBench) -> 
 @pytest.mark.campaign
 def test_service_conforms_to_its_schema_in_twenty_thousand_cases(bench: RecordedBench) -> None:
     phases = "--phases=examples,coverage,fuzzing,stateful"
-    exclusions = (f"--exclude-path-regex={PNG}", f"--exclude-operation-id={DELETE_RUN}")
+    exclusions = (f"--exclude-path-regex={OTHER_PLOTS}", f"--exclude-operation-id={DELETE_RUN}")
     total = run_schemathesis(bench, phases, "--max-examples=700", *exclusions, "--workers=2", timeout=7200.0)
-    total += run_schemathesis(bench, phases, "--max-examples=20", f"--include-path-regex={PNG}", timeout=3600.0)
+    total += run_schemathesis(bench, phases, "--max-examples=20", f"--include-path-regex={OTHER_PLOTS}", timeout=3600.0)
     assert bench.client.get(f"/api/v1/runs/{KNOWN}/cascade").status_code == 200, "the tested run still exists"
     total += run_schemathesis(
         bench, phases, "--max-examples=500", f"--include-operation-id={DELETE_RUN}", timeout=3600.0

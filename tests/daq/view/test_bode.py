@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE, RPM
+from daq.colours import MEASURED_X
 from daq.view.bode import BodePlot
-from daq.view.drawing import MEASURED_X, Drawing
+from daq.view.drawing import Drawing
 from tests.daq.support.live_updates import make_header, make_live_updates
 
 UP, DOWN = 20e-6, 10e-6  # m peak, of 1X on the way up and down

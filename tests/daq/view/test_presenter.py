@@ -15,8 +15,9 @@ from rerun.chunk import RrdReader
 
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
+from daq.colours import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
-from daq.view.drawing import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, MODEL_DASH, TACHO, Color, Drawing
+from daq.view.drawing import MODEL_DASH, Drawing
 from daq.view.presenter import Presenter, timeline
 from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import FONT_SIZE, SpectrumPlot

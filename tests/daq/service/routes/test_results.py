@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import re
 from collections.abc import Iterator
 from contextlib import closing
 from importlib import import_module
@@ -318,19 +319,24 @@ def test_gzipped_response_equals_the_plain_one(bench: RecordedBench) -> None:
         assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
 
 
+SVG = "{http://www.w3.org/2000/svg}"
+
+
 @pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade", "waterfall", "polar"])
 def test_plot_is_an_svg_with_its_curves_inside(bench: RecordedBench, what: str) -> None:
     response = bench.get(f"/plots/{what}.svg")
     assert response.headers["content-type"] == "image/svg+xml"
     root = ET.fromstring(response.text)  # noqa: S314 - the service's own
-    lines = root.findall(".//{http://www.w3.org/2000/svg}polyline")
-    assert lines
-    for line in lines:
-        points = np.array([point.split(",") for point in line.attrib["points"].split()], dtype=np.float64)
-        assert points.min() >= 0.0
-        assert points[:, 0].max() <= 640.0
-        assert points[:, 1].max() <= 640.0
+    width, height = (float(number) for number in root.attrib["viewBox"].split()[2:])
+    curves = [group for group in root.iter(f"{SVG}g") if re.fullmatch(r"panel-\d+-curve-\d+", group.get("id", ""))]
+    assert curves
+    for curve in curves:
+        drawn_paths = "".join(path.attrib["d"] for path in curve.findall(f"{SVG}path"))
+        points = np.array([pair.split() for pair in re.findall(r"[ML] (\S+ \S+)", drawn_paths)], dtype=np.float64)
+        assert points.size == 0 or points.min() >= 0.0  # a curve of dots has no path of its own
+        assert points.size == 0 or (points.max(axis=0) <= (width, height)).all()
     assert RUN in response.text
     drawn = bench.get(f"/plots/{what}.png")
     assert drawn.headers["content-type"] == "image/png"
     assert drawn.content.startswith(b"\x89PNG")
+    assert bench.get(f"/plots/{what}.pdf").content.startswith(b"%PDF")

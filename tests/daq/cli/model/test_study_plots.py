@@ -1,12 +1,9 @@
 """Plots of model studies: legend, labels, distinguishable curves."""
 
 import numpy as np
-import pytest
 
-pytest.importorskip("matplotlib", reason="the extra `plots` is not installed")
-
-from daq.cli.model.output import draw
 from daq.cli.model.report import captioned_plot
+from daq.cli.model.study_plots import draw, render
 from model.studies.study import Plot, Series
 from model.studies.thesis.report import Curve, Figure
 
@@ -49,3 +46,12 @@ def test_equal_curves_are_distinguishable() -> None:
 def test_trajectory_has_one_scale_in_both_directions() -> None:
     (axes,) = draw([Plot("title", "x", "y", (Series("", X, 3 * X),), is_square=True)]).axes
     assert axes.get_aspect() == 1.0
+
+
+def test_ticks_of_logarithmic_axes_are_plain_text() -> None:
+    plot = Plot("$title", "x", "y", (Series("one", X + 0.01, 10.0 ** (6 * X)),), x_log=True, y_log=True)
+    svg = render([plot], "svg").decode()
+    assert "$title" in svg
+    assert "mathdefault" not in svg
+    assert ">1,000<" in svg
+    assert ">10⁵<" in svg
