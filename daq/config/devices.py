@@ -1,8 +1,10 @@
-"""Cards that the service knows, with the limits that NI's specifications state for them.
+"""Cards that the service knows, with their limits.
 
-Sources: "NI 6251 Specifications" (M Series), "NI USB-621x Specifications" and "NI USB-621x User Manual" (clocks,
-PFI 0 to 3 are inputs, PFI 4 to 7 outputs), "NI 6321 Device Specifications" and "X Series User Manual" (table of analog
-input rates, clocks). Every card here has 16 bits, because a recording's int16 codes clip at their ends.
+USB-6251: "NI 6251 Specifications" (M Series). The clocks of the other two and the rates of X Series cards are those of
+the "NI USB-621x User Manual" (PFI 0 to 3 are inputs, PFI 4 to 7 outputs) and the "X Series User Manual". The remaining
+figures of USB-6211 and PCIe-6321 are not yet checked against "NI USB-621x Specifications" and "NI 6321 Device
+Specifications": check them before the first run with such a card. Every card here has 16 bits, because a recording's
+int16 codes clip at their ends.
 """
 
 from collections.abc import Mapping
@@ -74,7 +76,7 @@ class DeviceSpec:
         return max(self.counter_timebases)
 
 
-LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: logic levels of a PFI line that all cards here guarantee
+LOW_LEVEL, HIGH_LEVEL = 0.8, 2.2  # V: logic levels of a PFI line of the USB-6251, required of the others too
 
 M_SERIES_TIMEBASES = {80e6: "80MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
 X_SERIES_TIMEBASES = {100e6: "100MHzTimebase", 20e6: "20MHzTimebase", 100e3: "100kHzTimebase"}
