@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding
+from analysis.preflight.check_result import Check, Finding
 from analysis.resampling.angular_record import tacho_edges
 from analysis.signals.header import Acquisition, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState

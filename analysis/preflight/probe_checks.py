@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, WiringLimits
+from analysis.preflight.check_result import Check, Finding, WiringLimits
 from analysis.preflight.switching_levels import MAD_TO_RMS
 from analysis.signals.header import CODE_MAX, CODE_MIN, Calibration, Channel
 from analysis.signals.units import MICROMETRE

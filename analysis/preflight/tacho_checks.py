@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, WiringLimits
+from analysis.preflight.check_result import Check, Finding, WiringLimits
 from analysis.preflight.switching_levels import SignalLevels, find_state_levels
 from analysis.signals.header import Channel, Edge, Tacho
 from analysis.signals.units import MILLISECOND, MILLIVOLT, RPM

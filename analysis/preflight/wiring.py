@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits
+from analysis.preflight.check_result import Check, Finding, Verdict, WiringLimits
 from analysis.preflight.probe_checks import (
     ProbeSignal,
     calibrated_check,

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-from analysis.preflight.checks import Verdict
+from analysis.preflight.check_result import Verdict
 from analysis.signals.units import MICROSECOND, RPM
 from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
 from daq.cli.output.progress import TerminalOutput

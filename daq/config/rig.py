@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from analysis.preflight.checks import WiringLimits
+from analysis.preflight.check_result import WiringLimits
 from analysis.signals.header import AnalysisSettings, Calibration, Limits, RunOutSettings, Tacho, TachoCounter
 from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec

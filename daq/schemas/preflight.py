@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.preflight.calibration_fit import CalibrationFit
-from analysis.preflight.checks import Check, Finding, Verdict
+from analysis.preflight.check_result import Check, Finding, Verdict
 from analysis.preflight.switching_levels import SignalLevels
 from analysis.signals.header import Role, Tacho
 from daq.config.calibration import CalibrationRecord

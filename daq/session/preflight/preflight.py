@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Verdict, worst_verdict
+from analysis.preflight.check_result import Check, Verdict, worst_verdict
 from analysis.preflight.counter_check import counter_check
 from analysis.preflight.tacho_checks import speed_limit_check
 from analysis.preflight.wiring import wiring_checks

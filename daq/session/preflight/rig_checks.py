@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from analysis.preflight.checks import Check, Finding
+from analysis.preflight.check_result import Check, Finding
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition, Calibration
 from analysis.signals.units import MICROMETRE, RPM

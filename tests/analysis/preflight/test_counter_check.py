@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, Verdict
+from analysis.preflight.check_result import Check, Finding, Verdict
 from analysis.preflight.counter_check import counter_check
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.preflight.checks import Check, Finding, Verdict, WiringLimits, worst_verdict
+from analysis.preflight.check_result import Check, Finding, Verdict, WiringLimits, worst_verdict
 from analysis.preflight.tacho_checks import TachoSignal, speed_limit_check, tacho_checks
 from analysis.preflight.wiring import wiring_checks
 from analysis.signals.header import Acquisition, Calibration, Channel, Device, Edge, Role, Tacho

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.preflight.checks import Verdict
+from analysis.preflight.check_result import Verdict
 from analysis.signals.snapshot import CounterState
 from daq.cli.output.progress import status_line
 from daq.cli.output.summary_text import summary_lines

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from analysis.preflight.checks import Finding, Verdict
+from analysis.preflight.check_result import Finding, Verdict
 from analysis.signals.header import Calibration
 from daq.cli.main import main
 from daq.config.rig import Rig

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.preflight.checks import Check, Finding, Verdict
+from analysis.preflight.check_result import Check, Finding, Verdict
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.units import RPM
 from daq.cli.main import main
