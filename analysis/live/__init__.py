@@ -1,1 +1,1 @@
-"""Live analysis of sample blocks, run summary, alarms and delivery of the samples."""
+"""Live analysis of sample blocks, run summary and alarms."""

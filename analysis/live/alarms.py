@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
 from analysis.signals.snapshot import Snapshot
-
-FloatArray = NDArray[np.float64]
 
 MAX_ALARMS = 256  # stored ended alarms of a run; beyond it that with the smallest excess is dropped
 

@@ -4,16 +4,13 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.live.alarms import Alarm, AlarmMonitor
 from analysis.signals.blocks import SegmentEnd, TimeInRun
 from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
 from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
-from analysis.vectors.speed_table import SpeedRow, SpeedTable
+from analysis.vectors.speed_curve import SpeedRow, SpeedTable
 from analysis.whirl.findings import WhirlFinding, WhirlTracker
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Results of preflight checks: verdict, measured value, limit and advice; and the configurable limits of the checks."""
+"""Result of a preflight check: verdict, measured value, limit and advice; and the configurable limits of the checks."""
 
 from dataclasses import dataclass
 from enum import StrEnum

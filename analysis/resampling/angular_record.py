@@ -1,20 +1,18 @@
-"""Records of two probes sampled uniformly in shaft angle: the input of all order analysis of whole records."""
+"""Records of two probes sampled uniformly in shaft angle, for all order analysis, and their mean revolution."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from analysis.resampling.decimation import DecimationPyramid
-from analysis.resampling.interpolation import HALF_WIDTH, interpolate
+from analysis.resampling.rate_conversion import HALF_WIDTH, DecimationPyramid, interpolate
+from analysis.signals import CodeArray, FloatArray
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
 from analysis.signals.probes import ProbePair, require_displacement
 from analysis.tacho.edges import edge_detector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
-
-FloatArray = NDArray[np.float64]
 
 PASSBAND_FRACTION = 0.2  # highest lossless order over the angular samples per revolution
 CHUNK_POINTS = 16_384  # angular samples that are interpolated at a time, to fit the cache of a core
@@ -226,7 +224,7 @@ class _LevelReader:
         return waveform
 
 
-def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
+def tacho_edges(acquisition: Acquisition, codes: CodeArray) -> FloatArray:
     """Return the times of the tacho edges in codes of shape (n_channels, n), s, not corrected for the delay."""
     row = acquisition.row(Role.TACHO)
     channel = acquisition.channels[row]
@@ -240,7 +238,7 @@ def tacho_edges(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArra
     return np.asarray(found / acquisition.rate + row / acquisition.convert_rate, dtype=np.float64)
 
 
-def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> FloatArray:
+def probe_displacement(acquisition: Acquisition, codes: CodeArray) -> FloatArray:
     """Return the displacement towards the probes x and y from converter codes, shape (2, n), m.
 
     Raises
@@ -265,7 +263,7 @@ def probe_displacement(acquisition: Acquisition, codes: NDArray[np.int16]) -> Fl
 
 def angular_record_from_codes(
     acquisition: Acquisition,
-    codes: NDArray[np.int16],
+    codes: CodeArray,
     *,
     points: int = 64,
     pulse_times: FloatArray | None = None,
@@ -307,3 +305,60 @@ def angular_record_from_codes(
     clipped = [int(np.count_nonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX))) for row in rows]
     record = angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)
     return replace(record, pulses=pulses, clipped=(clipped[0], clipped[1]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SynchronousAverage:
+    """The mean revolution of a record.
+
+    Parameters
+    ----------
+    waveform : ndarray of float64, shape (2, points)
+        Displacement towards the probes x and y from theta = 0 on, m, including the mean displacement.
+    sigma : ndarray of float64, shape (2,)
+        Standard deviation of its points, m: the rms of the residual over the root of the revolutions, for a residual
+        that does not repeat.
+    revolutions : int
+        Number of averaged revolutions.
+    """
+
+    waveform: FloatArray
+    sigma: FloatArray
+    revolutions: int
+
+
+def synchronous_average(record: AngularRecord) -> SynchronousAverage:
+    """Return the mean revolution of a record at about one speed (S. Braun, Acustica 32, 1975)."""
+    mean = record.waveform.mean(axis=1)
+    rest = np.sqrt(np.mean((record.waveform - mean[:, None]) ** 2, axis=(1, 2)))
+    return SynchronousAverage(mean, rest / np.sqrt(record.revolutions), record.revolutions)
+
+
+def synchronous_residual(record: AngularRecord, revolutions: int = 16) -> AngularRecord:
+    """Return the synchronous residual of a record: each revolution minus the mean of its neighbours.
+
+    The residual contains whirl, rub and noise. 1X, 2X and all whole orders are removed as far as they are steady over
+    the averaged revolutions. A component of non-integer order loses at most 1 / revolutions of its amplitude.
+
+    Parameters
+    ----------
+    record : AngularRecord
+        At any speed, also a run-up.
+    revolutions : int
+        Number of revolutions averaged around each revolution; at least 2.
+
+    Raises
+    ------
+    RecordTooShortError
+        The record has fewer revolutions.
+
+    Notes
+    -----
+    P. McFadden, A revised model for the extraction of periodic waveforms by time domain averaging, MSSP 1, 1987.
+    """
+    if revolutions < 2:
+        raise ValueError(f"revolutions: {revolutions}, expected at least 2")
+    if record.revolutions < revolutions:
+        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    mean = uniform_filter1d(record.waveform, revolutions, axis=1, mode="nearest")
+    return record.with_waveform(record.waveform - mean)

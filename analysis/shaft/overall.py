@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.probes import require_displacement
-
-FloatArray = NDArray[np.float64]
 
 SUBSAMPLING = 16  # one sample in this many is sorted first
 SUBSAMPLE_MARGIN = 8  # subsamples, beyond the expected number of excluded samples

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals import FloatArray
 from analysis.signals.errors import RecordTooShortError
-
-FloatArray = NDArray[np.float64]
 
 MIN_REVOLUTIONS = 48  # for a classification of the pattern
 MAX_PERIOD = 6  # revolutions

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
+
+from analysis.signals import CodeArray, FloatArray
 
 CODE_MIN, CODE_MAX = -32768, 32767
 
@@ -88,12 +89,12 @@ class Channel:
     gap_low: float = -np.inf
     gap_high: float = np.inf
 
-    def volts(self, codes: NDArray[np.int16]) -> NDArray[np.float64]:
+    def volts(self, codes: CodeArray) -> FloatArray:
         """Return the input voltage, V, of converter codes of any shape."""
         volts = np.polynomial.polynomial.polyval(codes.astype(np.float64), self.scaling)
         return np.asarray(volts, dtype=np.float64)
 
-    def displacement(self, codes: NDArray[np.int16]) -> NDArray[np.float64]:
+    def displacement(self, codes: CodeArray) -> FloatArray:
         """Return the shaft displacement towards the probe, m, of converter codes of any shape.
 
         The zero is at the probe tip: the displacement is minus the gap.

@@ -4,10 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from analysis.signals import ComplexArray, FloatArray
 
 
 class ProbePair:
@@ -96,7 +94,7 @@ class Ellipse:
         return 0.5 * float(np.angle(product)) if product else 0.0
 
 
-def require_displacement(displacement: NDArray[np.float64], rate: float) -> None:
+def require_displacement(displacement: FloatArray, rate: float) -> None:
     """Raise ValueError unless displacement is finite, m, of shape (2, n), and its rate is above 0 Hz."""
     if displacement.ndim != 2 or displacement.shape[0] != 2:
         raise ValueError(f"displacement: shape {displacement.shape}, expected (2, n), m at the probes x and y")

@@ -9,13 +9,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.uncertainty import phase_sigma
 from analysis.signals.units import MICROSECOND
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 RECENT_TIME = 10.0  # s: span of the recent counts
 
@@ -352,10 +349,10 @@ class Snapshot:
     speed: float
     tacho: TachoReport
     gap_volts: FloatArray
-    gap_in_window: NDArray[np.bool_]
+    gap_in_window: BoolArray
     peak_to_peak: FloatArray
-    clipped: NDArray[np.int64]
+    clipped: IntArray
     frame: OrderFrame | None
     trace: Trace
-    outside_calibration: NDArray[np.int64] = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
+    outside_calibration: IntArray = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
     counter: CounterReport | None = None

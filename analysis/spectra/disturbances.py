@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.windows import HANN
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Number = TypeVar("Number", np.float64, np.complex128)
 
 TAU = 2.0 * np.pi

@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals import BoolArray, ComplexArray, FloatArray
 from analysis.signals.probes import ProbePair
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_map import OrderMap
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MIN_LINE_TO_FLOOR = 10.0  # of lines from which the mismatch is determined
 PROBE_TOLERANCE = 0.05  # of a probe's sensitivity, as quoted from API 670: a mismatch that cannot be excluded
@@ -80,7 +77,7 @@ class FullSpectrum:
     orders: FloatArray
     forward: ComplexArray
     backward: ComplexArray
-    uncertain: NDArray[np.bool_]
+    uncertain: BoolArray
     mismatch: ProbeMismatch
 
     @property

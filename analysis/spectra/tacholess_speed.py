@@ -6,18 +6,16 @@ A ridge gives speed, not angle: the amplitudes of orders are valid, their phases
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes, probe_displacement
-from analysis.resampling.decimation import DecimationPyramid
+from analysis.resampling.rate_conversion import DecimationPyramid
+from analysis.signals import CodeArray, FloatArray, IntArray
 from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
 from analysis.signals.header import Acquisition
 from analysis.signals.probes import require_displacement
 from analysis.spectra.windows import HANN
 from analysis.tacho.shaft_angle import DEGREE, ShaftAngle
-
-FloatArray = NDArray[np.float64]
 
 SAMPLES_PER_TURN = 5.0  # at the highest speed searched, after decimation
 FRAME_REVOLUTIONS = 16.0  # revolutions in a frame at the lowest speed searched
@@ -79,7 +77,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        Of two probes, m; decimated to a rate near that needed for the highest speed (`analysis.resampling.decimation`).
+        Of two probes, m; decimated to about the rate that the highest speed needs.
     rate : float
         Sample rate, Hz.
     lowest, highest : float
@@ -119,7 +117,7 @@ def speed_from_ridge(displacement: FloatArray, rate: float, lowest: float, highe
 
 
 def angular_record_without_tacho(
-    acquisition: Acquisition, codes: NDArray[np.int16], lowest: float, highest: float, *, points: int = 64
+    acquisition: Acquisition, codes: CodeArray, lowest: float, highest: float, *, points: int = 64
 ) -> tuple[AngularRecord, RidgeSpeed]:
     """Return the angular record of a segment without a usable tacho, and the 1X ridge it is based on.
 
@@ -156,7 +154,7 @@ def angular_record_without_tacho(
     return angular_record_from_codes(acquisition, codes, points=points, angle=ridge.angle()), ridge
 
 
-def _ridge(gain: FloatArray) -> NDArray[np.int64]:
+def _ridge(gain: FloatArray) -> IntArray:
     """Return the line of the best path in each frame, by dynamic programming (Viterbi)."""
     n, lines = gain.shape
     moves = np.arange(-MAX_LINE_CHANGE, MAX_LINE_CHANGE + 1)
@@ -175,9 +173,7 @@ def _ridge(gain: FloatArray) -> NDArray[np.int64]:
     return path
 
 
-def _read(
-    size: FloatArray, path: NDArray[np.int64], first: int, starts: NDArray[np.int64], n: int, rate: float
-) -> RidgeSpeed:
+def _read(size: FloatArray, path: IntArray, first: int, starts: IntArray, n: int, rate: float) -> RidgeSpeed:
     frame = np.arange(path.size)
     at = np.clip(path, 1, size.shape[1] - 2)
     up = size[frame, at + 1] > size[frame, at - 1]

@@ -6,12 +6,10 @@ Both contain, at each order, the larger amplitude of the two probes, m peak, and
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, FloatArray
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.snapshot import OrderFrame, Snapshot
-
-FloatArray = NDArray[np.float64]
 
 
 def order_axis(settings: AnalysisSettings) -> FloatArray:
@@ -134,6 +132,6 @@ class Cascade:
         return np.asarray((np.arange(len(self._amplitudes)) + 0.5) * self._width, dtype=np.float64)
 
     @property
-    def filled(self) -> NDArray[np.bool_]:
+    def filled(self) -> BoolArray:
         """Whether each row contains a frame, shape (rows,)."""
         return self._filled.copy()

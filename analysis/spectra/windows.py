@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, FloatArray
 from analysis.signals.header import WindowName
 from analysis.signals.uncertainty import independent_frames
-
-FloatArray = NDArray[np.float64]
 
 POINTS = 8  # per revolution, of the weights from which the correlation of overlapping frames is computed
 MIN_AMPLITUDE = 1e-100  # in any unit: smaller amplitudes are no line
@@ -133,7 +131,7 @@ class Window:
             size = size + (-1) ** k * side * (np.sinc(offset - k) + np.sinc(offset + k))
         return np.asarray(size, dtype=np.float64)
 
-    def clear_lines(self, count: int, revolutions: int) -> NDArray[np.bool_]:
+    def clear_lines(self, count: int, revolutions: int) -> BoolArray:
         """Return which of the first ``count`` lines are clear of the main lobes of all whole orders and of 0.
 
         In a frame of so few revolutions that the lobes touch, these are the lines halfway between the orders.

@@ -3,10 +3,8 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from analysis.signals import FloatArray, IntArray
 
 MAX_INTERVAL_RATIO = 1.2  # of an interval to that of the same mark one revolution before, without missing pulses
 MIN_LONGEST_INTERVAL_RATIO = 1.1  # of the longest interval to every other: then it identifies its mark

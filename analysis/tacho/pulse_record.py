@@ -7,15 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray, IntArray
 from analysis.signals.errors import AmbiguousTachoError
 from analysis.signals.header import Tacho
 from analysis.tacho.mark_spacing import MAX_INTERVAL_RATIO, interval_ratios, reference_mark
 from analysis.tacho.pulse_train import HISTORY, MAX_REPAIRED, PulseTrain
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MIN_PULSES = 8
 MIN_MISSING_PULSES = 3  # at the same distance, to count as periodic

@@ -4,13 +4,11 @@ from collections import deque
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray, IntArray
 from analysis.signals.header import Tacho
 from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.tacho.mark_spacing import MarkSpacing
-
-FloatArray = NDArray[np.float64]
 
 GATE = 0.3  # of the predicted period: largest distance of an edge from its prediction
 GATE_AFTER_GAP = 0.25  # the same after missing pulses
@@ -285,7 +283,7 @@ class PulseTrain:
             self._drop_train()
 
     @property
-    def marks(self) -> tuple[NDArray[np.int64], FloatArray]:
+    def marks(self) -> tuple[IntArray, FloatArray]:
         """Revolution number and time, s, of the last once-per-turn marks of the train, without the missing ones."""
         turns = np.array([turn for turn, _ in self._marks], dtype=np.int64)
         return turns, np.array([time for _, time in self._marks], dtype=np.float64)

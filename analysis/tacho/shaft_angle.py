@@ -6,14 +6,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+from analysis.signals import BoolArray, FloatArray, IntArray
 from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
 from analysis.tacho.pulse_record import PulseRecord
-
-FloatArray = NDArray[np.float64]
 
 DEGREE = 3
 MAX_KNOT_REVOLUTIONS = 8.0  # revolutions between knots: pulses averaged by one piece of the spline
@@ -43,7 +41,7 @@ class SmoothAngle:
     jitter: float
 
 
-def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
+def smooth_angle(turns: IntArray, times: FloatArray) -> SmoothAngle:
     """Return a cubic spline, time against revolutions, fitted to the times of the marks by least squares.
 
     Time is fitted against the count, because the pulses lie uniformly in angle; the spline gives the times of an
@@ -83,7 +81,7 @@ def smooth_angle(turns: NDArray[np.int64], times: FloatArray) -> SmoothAngle:
     return SmoothAngle(time, scatter)
 
 
-def _fit_spline(turns: NDArray[np.int64], times: FloatArray) -> tuple[BSpline, FloatArray]:
+def _fit_spline(turns: IntArray, times: FloatArray) -> tuple[BSpline, FloatArray]:
     """Return the spline and the residual of each mark, s."""
     span = float(turns[-1] - turns[0])
     apart = min(max(KNOT_TIME * span / float(times[-1] - times[0]), MIN_KNOT_REVOLUTIONS), MAX_KNOT_REVOLUTIONS)
@@ -136,7 +134,7 @@ class ShaftAngle:
         """Return the shaft speed, rad/s, at revolution counts."""
         return np.asarray(2.0 * np.pi / self.time(turns, nu=1), dtype=np.float64)
 
-    def cubics(self, turns: NDArray[np.int64]) -> FloatArray:
+    def cubics(self, turns: IntArray) -> FloatArray:
         """Return time within whole revolutions as cubics of the fraction of the revolution.
 
         Coefficients in rising order, shape (4, n), s.
@@ -242,7 +240,7 @@ def _mark_offsets(record: PulseRecord) -> FloatArray:
     return offsets
 
 
-def _refuse_jumps(good: NDArray[np.bool_], times: FloatArray) -> None:
+def _refuse_jumps(good: BoolArray, times: FloatArray) -> None:
     """Raise where several pulses in a row are outliers: not false edges, but a jump of speed."""
     bad = np.concatenate([[False], ~good, [False]]).astype(np.int8)
     begins, ends = np.flatnonzero(np.diff(bad) == 1), np.flatnonzero(np.diff(bad) == -1)

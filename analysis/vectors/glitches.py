@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, FloatArray
 from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import MAD_TO_SIGMA, ShaftAngle
-
-FloatArray = NDArray[np.float64]
 
 LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # revolutions with which a sample is compared
 THRESHOLD = 6.0  # times the scatter of these revolutions at that angle
@@ -35,8 +33,8 @@ class Glitches:
     """
 
     displacement: FloatArray
-    flagged: NDArray[np.bool_]
-    repaired: NDArray[np.bool_]
+    flagged: BoolArray
+    repaired: BoolArray
     count: tuple[int, int]
     unrepaired: tuple[int, int]
 
@@ -115,7 +113,7 @@ def _compared(
     return off, scatter
 
 
-def _bridge(samples: FloatArray, flagged: NDArray[np.bool_], repaired: NDArray[np.bool_]) -> tuple[int, int]:
+def _bridge(samples: FloatArray, flagged: BoolArray, repaired: BoolArray) -> tuple[int, int]:
     """Interpolate short glitches in place; return the number of glitches and of those not repaired."""
     edges = np.diff(np.concatenate([[False], flagged, [False]]).astype(np.int8))
     begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

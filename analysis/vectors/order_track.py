@@ -3,15 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.uncertainty import noise_floor_sigma, phase_sigma
 from analysis.spectra.order_map import RevolutionFrames
 from analysis.spectra.windows import HANN
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_NOISE_RATIO = 3.0  # of a line to the median; one noise line in 500 is larger
 FLOOR_LINES = 6  # lines on either side of the order, beyond the main lobe, for the noise floor

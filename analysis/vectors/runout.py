@@ -3,17 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.resampling.angular_record import AngularRecord
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import RunOutSettings
 from analysis.signals.snapshot import RunOut
 from analysis.signals.standards import allowed_combined_runout
 from analysis.vectors.order_track import OrderTrack
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_SPEED_FRACTION = 0.1  # of the first critical speed, of a valid slow roll: the shaft hardly vibrates there
 MIN_REVOLUTIONS = 8  # revolutions

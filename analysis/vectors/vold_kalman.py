@@ -3,16 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solveh_banded
 
-from analysis.resampling.decimation import DecimationPyramid
+from analysis.resampling.rate_conversion import DecimationPyramid
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import ShaftAngle
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ORDER_FRACTION = 0.2  # of the decimated rate: the highest order lies below it
 MEAN_REVOLUTIONS = 16.0  # revolutions over which the mean shaft position is computed and subtracted

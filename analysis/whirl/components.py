@@ -3,15 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, ComplexArray, FloatArray
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.windows import HANN, Window
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MIN_ORDER, MAX_ORDER = 0.08, 0.92  # orders searched
 MAX_COMPONENTS = 4  # in one frame
@@ -30,7 +27,7 @@ def noise_floor(spectrum: ComplexArray, revolutions: int, window: Window = HANN)
     Parameters
     ----------
     spectrum : ndarray of complex128, shape (n_probes, n_orders)
-        From `analysis.spectra.order_spectrum.order_spectrum`.
+        From `analysis.spectra.order_map.order_spectrum`.
     revolutions : int
         Revolutions in its frame.
     window : Window
@@ -193,7 +190,7 @@ class ComponentSearch:
             bar = np.maximum(bar, np.where(near, MIN_TO_STRONGER_NEARBY, MIN_TO_STRONGER) * amplitude)
         return np.asarray(bar, dtype=np.float64)
 
-    def _subtract(self, rest: ComplexArray, component: Components, good: NDArray[np.bool_]) -> None:
+    def _subtract(self, rest: ComplexArray, component: Components, good: BoolArray) -> None:
         """Subtract a component with its window lines from the remaining spectrum, in place."""
         away: FloatArray = self.revolutions * np.where(good, component.order, 0.0)[:, None] - np.arange(rest.shape[2])
         skirt = HANN.response(away) * np.exp(1j * np.pi * away)

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from analysis.signals.blocks import TimeInRun
-from analysis.signals.ramp import RampDirection
+from analysis.signals.blocks import RampDirection, TimeInRun
 from analysis.signals.snapshot import OrderFrame, Whirl
 
 MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame

@@ -4,16 +4,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.spectra.order_map import OrderMap
 from analysis.spectra.windows import HANN
 from analysis.whirl.components import Components, ComponentSearch
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame
 MAX_BREAK_FRAMES = 4  # frame lengths without a component before it ends

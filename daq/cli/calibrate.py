@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.preflight.calibration_fit import CalibrationFit, default_order, fit_calibration
+from analysis.preflight.calibration import CalibrationFit, default_order, fit_calibration
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.units import MICROMETRE, MILLIVOLT
 from daq.cli.arguments import NOT_READY, AddCommand

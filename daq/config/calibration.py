@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, ValidationError
 
-from analysis.preflight.calibration_fit import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
+from analysis.preflight.calibration import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.header import Calibration
 from analysis.signals.units import MICROMETRE

@@ -7,8 +7,8 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from analysis.live.delivery import DeliveryStatistics
 from analysis.live.summary import RunSummary
+from analysis.signals.blocks import DeliveryStatistics
 from analysis.signals.header import Calibration, RunHeader
 from daq.reports.analysis_result import ProgressCallback
 from daq.schemas.events import marker_schema

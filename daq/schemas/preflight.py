@@ -5,9 +5,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from analysis.preflight.calibration_fit import CalibrationFit
+from analysis.preflight.calibration import CalibrationFit, SignalLevels
 from analysis.preflight.check_result import Check, Finding, Verdict
-from analysis.preflight.switching_levels import SignalLevels
 from analysis.signals.header import Role, Tacho
 from daq.config.calibration import CalibrationRecord
 from daq.config.rig import Rig

@@ -6,14 +6,12 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from analysis.live.delivery import PPM, DeliveryStatistics
 from analysis.live.summary import ProbeSummary, RunSummary
-from analysis.signals.blocks import EndReason, SegmentEnd
+from analysis.signals.blocks import PPM, DeliveryStatistics, EndReason, RampDirection, SegmentEnd
 from analysis.signals.header import Severity
-from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoState
 from analysis.signals.units import MICROSECOND
-from analysis.vectors.speed_table import SpeedRow
+from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
 from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
 from daq.schemas.events import AlarmSchema, MarkerSchema, TimeInRunSchema, alarm_schema, time_in_run_schema

@@ -10,7 +10,7 @@ from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Acquisition, RunOutSettings
 from analysis.signals.snapshot import RunOut
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
-from analysis.spectra.order_spectrum import order_vectors
+from analysis.spectra.order_map import order_vectors
 from analysis.vectors.runout import RunOutEstimator
 from daq.config.rig import Rig
 from daq.config.schema import RunOutSection, RunOutVector

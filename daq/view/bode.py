@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.blocks import RampDirection, RampStep, RampTracker
 from analysis.signals.header import RunHeader
-from analysis.signals.ramp import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.colours import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color

@@ -5,7 +5,8 @@ import math
 from collections.abc import Sequence
 
 from analysis.live.alarms import Alarm, MonitoredQuantity
-from analysis.signals.snapshot import ComplexArray, OrderFrame, Snapshot, TachoState
+from analysis.signals import ComplexArray
+from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.colours import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.session.live_update import LiveUpdate

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.probes import ProbePair
 from analysis.signals.units import RPM
-from analysis.spectra.order_spectrum import order_spectrum, order_vectors
+from analysis.spectra.order_map import order_spectrum, order_vectors
 from analysis.spectra.windows import WINDOWS
 from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion

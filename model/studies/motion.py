@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE, MILLIMETRE, phase_lag_degrees
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_spectrum
 from model.errors import ParameterError
 from model.rotor.parameters import ModelParameters
 from model.studies.run_up import MIN_AMPLITUDE, WHIRL_ORDER_RANGE

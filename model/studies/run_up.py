@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_spectrum
 from model.dynamics.whirl import FilmName
 from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters

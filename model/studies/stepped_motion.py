@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_spectrum
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.dynamics.whirl import FilmName, Whirl

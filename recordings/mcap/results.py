@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import (
-    ComplexArray,
     CounterReport,
     OrderFrame,
     RunOut,

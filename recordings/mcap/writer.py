@@ -10,8 +10,7 @@ from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from analysis.live.analyser import Analyser
-from analysis.live.delivery import PPM, DeliveryMonitor
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import PPM, DeliveryMonitor, EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError

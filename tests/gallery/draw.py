@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from analysis.live.alarms import LimitMonitor
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
-from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import Orbit, direct_orbit, filtered_orbit, orbit_without
+from analysis.resampling.angular_record import synchronous_average, synchronous_residual
+from analysis.shaft.orbit import Orbit, centreline, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.overall import overall
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.blocks import TimeInRun
@@ -24,8 +23,7 @@ from analysis.signals.header import Limits
 from analysis.signals.standards import standard_limits
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.signals.units import MICROMETRE, RPM
-from analysis.spectra.frequency_map import frequency_map
-from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.frequency_spectrum import frequency_map, frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, full_spectrum
 from analysis.spectra.order_map import order_map
 from analysis.spectra.tacholess_speed import speed_from_ridge

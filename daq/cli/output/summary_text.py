@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from itertools import groupby
 
+from analysis.signals.blocks import RampDirection
 from analysis.signals.header import Severity
-from analysis.signals.ramp import RampDirection
 from daq.cli.output.terminal import print_json, print_lines
 from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from analysis.shaft.centreline import centreline
+from analysis.shaft.orbit import centreline
 from analysis.shaft.poincare import bifurcation_diagram
 from analysis.signals.units import MICROMETRE, RPM
 from daq.reports.analysis_result import AnalysisResult

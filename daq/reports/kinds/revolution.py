@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.resampling.synchronous_average import synchronous_average
+from analysis.resampling.angular_record import synchronous_average
 from analysis.signals.units import MICROMETRE, RPM
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.columns import columns

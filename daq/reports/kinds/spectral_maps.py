@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.uncertainty import noise_floor_sigma
 from analysis.signals.units import MICROMETRE, RPM
-from analysis.spectra.frequency_map import frequency_map
+from analysis.spectra.frequency_spectrum import frequency_map
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import order_map
 from daq.reports.analysis_result import AnalysisResult

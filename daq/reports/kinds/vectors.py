@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.signals.ramp import RampDirection
+from analysis.signals.blocks import RampDirection
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.vectors.order_track import track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves

@@ -1,6 +1,6 @@
 """Panels of the recorded results of a run."""
 
-from analysis.signals.ramp import RampDirection
+from analysis.signals.blocks import RampDirection
 from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum, stacked
 from daq.reports.plots.panel import Panel, Values
 from daq.schemas.results import CascadeSchema, OrderVectorsSchema, WaterfallSchema

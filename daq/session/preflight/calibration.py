@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.preflight.probe_checks import MAX_CARD_NOISE, MAX_OPEN_VOLTS, MAX_STUCK_NOISE
-from analysis.preflight.switching_levels import SignalLevels, find_state_levels
+from analysis.preflight.calibration import SignalLevels, find_state_levels
+from analysis.preflight.wiring import MAX_CARD_NOISE, MAX_OPEN_VOLTS, MAX_STUCK_NOISE
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role
 from analysis.signals.units import MICROMETRE

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.preflight.check_result import Check, Verdict, worst_verdict
-from analysis.preflight.counter_check import counter_check
-from analysis.preflight.tacho_checks import speed_limit_check
+from analysis.preflight.tacho_checks import counter_check, speed_limit_check
 from analysis.preflight.wiring import wiring_checks
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition

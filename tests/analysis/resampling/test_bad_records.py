@@ -9,20 +9,22 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord, angular_record, angular_record_from_codes
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
-from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.resampling.angular_record import (
+    AngularRecord,
+    angular_record,
+    angular_record_from_codes,
+    synchronous_average,
+    synchronous_residual,
+)
+from analysis.shaft.orbit import centreline, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.errors import AmbiguousTachoError, AnalysisError
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
-from analysis.spectra.frequency_map import frequency_map
-from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.frequency_spectrum import frequency_map, frequency_spectrum
 from analysis.spectra.full_spectrum import full_cascade, probe_mismatch
-from analysis.spectra.order_map import OrderMap, order_map
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import OrderMap, order_map, order_spectrum
 from analysis.spectra.tacholess_speed import angular_record_without_tacho, speed_from_ridge
 from analysis.spectra.windows import FLAT_TOP
 from analysis.tacho.edges import edge_detector

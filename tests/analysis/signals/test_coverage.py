@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord
-from analysis.resampling.synchronous_average import synchronous_average
-from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import filtered_orbit
+from analysis.resampling.angular_record import AngularRecord, synchronous_average
+from analysis.shaft.orbit import centreline, filtered_orbit
 from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
 from analysis.spectra.frequency_spectrum import frequency_spectrum

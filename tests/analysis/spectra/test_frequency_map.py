@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import Tacho
-from analysis.spectra.frequency_map import frequency_map
+from analysis.spectra.frequency_spectrum import frequency_map
 from analysis.tacho.pulse_record import pulse_record
 from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 

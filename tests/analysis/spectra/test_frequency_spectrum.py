@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.resampling.angular_record import AngularRecord
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
+from analysis.resampling.angular_record import AngularRecord, synchronous_average, synchronous_residual
 from analysis.signals.errors import BandLimitError, RecordTooShortError
 from analysis.spectra.frequency_spectrum import frequency_spectrum
 from analysis.spectra.order_map import order_map

@@ -8,21 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord, angular_record
-from analysis.resampling.decimation import DecimationPyramid
-from analysis.resampling.interpolation import HALF_WIDTH, interpolate
-from analysis.resampling.synchronous_average import synchronous_average, synchronous_residual
-from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import direct_orbit, filtered_orbit, orbit_without
+from analysis.resampling.angular_record import AngularRecord, angular_record, synchronous_average, synchronous_residual
+from analysis.resampling.rate_conversion import HALF_WIDTH, DecimationPyramid, interpolate
+from analysis.shaft.orbit import centreline, direct_orbit, filtered_orbit, orbit_without
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.header import Tacho
 from analysis.signals.probes import ProbePair
 from analysis.spectra.disturbances import drift, mains_hum
-from analysis.spectra.frequency_map import frequency_map
-from analysis.spectra.frequency_spectrum import frequency_spectrum
+from analysis.spectra.frequency_spectrum import frequency_map, frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum
-from analysis.spectra.order_map import order_map
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_map, order_spectrum
 from analysis.spectra.tacholess_speed import speed_from_ridge
 from analysis.spectra.windows import FLAT_TOP, UNIFORM
 from analysis.tacho.pulse_record import pulse_record

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import Edge, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
-from analysis.tacho.counter_comparison import CounterComparison
+from analysis.tacho.edges import CounterComparison
 
 FloatArray = NDArray[np.float64]
 COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, 80e6, is_reference=False, max_difference=50e-6)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 from analysis.signals.snapshot import CounterState
-from analysis.tacho.edge_reader import MAX_TIMESTAMP_DELAY, TachoEdgeReader
+from analysis.tacho.edges import MAX_TIMESTAMP_DELAY, TachoEdgeReader
 
 RATE, TIMEBASE, DELAY = 10_000.0, 80e6, 3e-4
 COUNTER = TachoCounter("ctr0", "PFI0", Edge.RISING, TIMEBASE, is_reference=True, max_difference=1e-4)

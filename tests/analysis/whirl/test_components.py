@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import Whirl
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_spectrum
 from analysis.whirl.components import find_whirl, find_whirls, noise_floor, without_synchronous
 
 FloatArray = NDArray[np.float64]

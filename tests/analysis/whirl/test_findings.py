@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from analysis.signals.ramp import RampDirection
+from analysis.signals.blocks import RampDirection
 from analysis.signals.snapshot import OrderFrame, Whirl
 from analysis.whirl.findings import MAX_FINDINGS, WhirlFinding, WhirlTracker, whirl_hysteresis
 

@@ -11,10 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.resampling.angular_record import AngularRecord, angular_record_from_codes, probe_displacement
-from analysis.resampling.synchronous_average import synchronous_average
-from analysis.shaft.centreline import centreline
-from analysis.shaft.orbit import direct_orbit
+from analysis.resampling.angular_record import (
+    AngularRecord,
+    angular_record_from_codes,
+    probe_displacement,
+    synchronous_average,
+)
+from analysis.shaft.orbit import centreline, direct_orbit
 from analysis.shaft.overall import overall
 from analysis.shaft.poincare import bifurcation_diagram, poincare_section
 from analysis.signals.header import Acquisition

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from analysis.live.summary import ProbeSummary, RunSummary
-from analysis.signals.blocks import EndReason, SegmentEnd, TimeInRun
+from analysis.signals.blocks import EndReason, RampDirection, SegmentEnd, TimeInRun
 from analysis.signals.header import Severity
-from analysis.signals.ramp import RampDirection
 from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.signals.units import RPM
-from analysis.vectors.speed_table import SpeedRow
+from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.live_update import LiveUpdate

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from analysis.live.summary import RunSummary
-from analysis.signals.blocks import TimeInRun
-from analysis.signals.ramp import RampDirection
-from analysis.vectors.speed_table import SpeedRow
+from analysis.signals.blocks import RampDirection, TimeInRun
+from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding
 from model.prediction.comparison import compare, instability_onset, predicted_whirls
 from model.prediction.prediction_map import PredictionMap

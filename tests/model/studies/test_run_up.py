@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.units import MICROMETRE
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.spectra.order_map import order_spectrum
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.whirl import FilmName
 from model.rotor.gj90c import gj90c

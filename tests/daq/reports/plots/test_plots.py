@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from analysis.signals.ramp import RampDirection
+from analysis.signals.blocks import RampDirection
 from analysis.signals.units import RPM
-from analysis.vectors.speed_table import SpeedRow
+from analysis.vectors.speed_curve import SpeedRow
 from daq.reports.plots.layouts import orbit, spectrum
 from daq.reports.plots.panel import Panel
 from daq.reports.plots.recorded import result_panels

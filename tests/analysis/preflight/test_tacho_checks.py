@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.preflight.check_result import Check, Finding, Verdict
-from analysis.preflight.counter_check import counter_check
+from analysis.preflight.tacho_checks import counter_check
 from analysis.signals.header import Acquisition, Channel, Device, Edge, Role, Tacho, TachoCounter
 
 RATE, TIMEBASE = 100_000.0, 80e6

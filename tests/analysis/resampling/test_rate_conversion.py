@@ -5,9 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from analysis.resampling.decimation import HALF_BAND_REACH, DecimationPyramid
-from analysis.resampling.interpolation import HALF_WIDTH, interpolate
-from analysis.spectra.order_spectrum import order_spectrum
+from analysis.resampling.rate_conversion import HALF_BAND_REACH, HALF_WIDTH, DecimationPyramid, interpolate
+from analysis.spectra.order_map import order_spectrum
 
 FloatArray = NDArray[np.float64]
 
