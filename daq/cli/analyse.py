@@ -16,11 +16,10 @@ from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.cli.runs import find_run
 from daq.errors import UsageError
-from daq.reports.analysis_export import analysis_table, encode_analysis
-from daq.reports.analysis_result import AnalysisResult, analysis_schema
-from daq.reports.columns import QUANTITIES
+from daq.reports.analysis_result import QUANTITIES, AnalysisResult, analysis_schema
+from daq.reports.export import analysis_table, encode_analysis
 from daq.reports.parameters import MAX_ORDERS, AnalysisFormat, AnalysisQuery
-from daq.reports.plots.theme import PlotStyle
+from daq.reports.plots.panel import PlotStyle
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
 from recordings.exchange.formats import write_table

@@ -9,7 +9,7 @@ from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder
 from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json, print_lines
 from daq.cli.runs import find_run
-from daq.schemas.verification import recovery_schema, verification_schema
+from daq.schemas.checks import recovery_schema, verification_schema
 from recordings.catalogue.catalogue import SUFFIX
 from recordings.integrity.recover import MissingSamples, recover
 from recordings.integrity.verify import Verdict, Verification, verify

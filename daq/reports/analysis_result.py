@@ -1,16 +1,155 @@
-"""Result of an analysis: table, single values and plot; and its JSON schema."""
+"""Result of an analysis: table with units and descriptions, single values and plot; and its JSON schema."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from daq.reports.columns import QUANTITIES, Column
 from daq.reports.plots.panel import Panel
 from daq.schemas.units import Schema
+
+Values: TypeAlias = NDArray[np.float64] | NDArray[np.str_]
+ColumnInput: TypeAlias = Values | NDArray[np.signedinteger]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Unit and description of a quantity.
+
+    Parameters
+    ----------
+    unit : str
+        Displayed unit; empty for dimensionless quantities.
+    description : str
+        Description.
+    """
+
+    unit: str
+    description: str
+
+    @property
+    def text(self) -> str:
+        """Unit and description, separated by a colon."""
+        return f"{self.unit}: {self.description}" if self.unit else self.description
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Column:
+    """Values of one quantity.
+
+    Parameters
+    ----------
+    name : str
+        Key of `QUANTITIES`; it carries the unit.
+    values : ndarray, shape (n,)
+        float64 with NaN for unknown values, or text.
+    """
+
+    name: str
+    values: Values
+
+    @property
+    def quantity(self) -> Quantity:
+        """Quantity of the column."""
+        return QUANTITIES[self.name]
+
+
+def columns(**values: ColumnInput) -> tuple[Column, ...]:
+    """Return columns from keyword arguments; ValueError for names not in `QUANTITIES`."""
+    for name in values:
+        if name not in QUANTITIES:
+            raise ValueError(f"column {name!r}: expected one of {', '.join(QUANTITIES)}")
+    return tuple(Column(name, row if row.dtype.kind == "U" else np.asarray(row, float)) for name, row in values.items())  # type: ignore[arg-type]
+
+
+def _at_probes(name: str, unit: str, description: str) -> dict[str, Quantity]:
+    return {name.format(probe): Quantity(unit, f"{description} at probe {probe}") for probe in "xy"}
+
+
+def _amplitudes() -> dict[str, Quantity]:
+    units = {"peak": "µm zero-to-peak", "peak_to_peak": "µm peak-to-peak", "rms": "µm RMS"}
+    found: dict[str, Quantity] = {}
+    for scaling, unit in units.items():
+        found |= _at_probes(f"amplitude_{scaling}_{{}}_um", unit, "amplitude")
+        found[f"amplitude_{scaling}_um"] = Quantity(unit, "larger amplitude of the probes, or radius in full spectra")
+        found |= _at_probes(f"sigma_{scaling}_{{}}_um", unit, "standard deviation of the amplitude")
+        found[f"sigma_{scaling}_um"] = Quantity(unit, "standard deviation of the amplitudes")
+    return found
+
+
+QUANTITIES: Final[dict[str, Quantity]] = {
+    "time_s": Quantity("s", "sample time in the segment"),
+    "speed_rpm": Quantity("r/min", "mean shaft speed"),
+    "speed_sigma_rpm": Quantity("r/min", "standard deviation of the speed"),
+    "order": Quantity("", "frequency over shaft frequency; negative: backward, in full spectra"),
+    "order_sigma": Quantity("", "standard deviation of the order"),
+    "frequency_hz": Quantity("Hz", "frequency"),
+    "revolution": Quantity("", "number of the revolution, from 0"),
+    "angle_deg": Quantity("degrees", "shaft angle after the keyphasor mark"),
+    "ramp_direction": Quantity("", "run-up or run-down"),
+    "frames": Quantity("", "number of spectra averaged"),
+    "component": Quantity("", "number of the component, from 1"),
+    **_amplitudes(),
+    **_at_probes("lag_{}_deg", "degrees", "phase lag, 0 to 360,"),
+    **_at_probes("lag_sigma_{}_deg", "degrees", "standard deviation of the phase lag"),
+    **_at_probes("displacement_{}_um", "µm", "displacement towards the probe, mean removed,"),
+    **_at_probes("average_{}_um", "µm", "synchronous average, mean removed,"),
+    **_at_probes("average_sigma_{}_um", "µm", "standard deviation of the synchronous average"),
+    **_at_probes("residual_rms_{}_um", "µm RMS", "residual of the synchronous average at this angle"),
+    **_at_probes("runout_{}_um", "µm", "run-out at this angle"),
+    **_at_probes("runout_sigma_{}_um", "µm", "standard deviation of the run-out"),
+    **_at_probes("peak_to_peak_{}_um", "µm peak-to-peak", "overall vibration"),
+    **_at_probes("clearance_fraction_{}", "", "overall vibration over the diametral clearance"),
+    "X_um": Quantity("µm", "position in X, to the right"),
+    "Y_um": Quantity("µm", "position in Y, up"),
+    "X_sigma_um": Quantity("µm", "standard deviation of X"),
+    "Y_sigma_um": Quantity("µm", "standard deviation of Y"),
+    "eccentricity_ratio": Quantity(
+        "", "distance from the clearance centre over its radius; above 1 the reference is wrong"
+    ),
+    "attitude_deg": Quantity("degrees", "from straight down to the shaft, positive in the direction of rotation"),
+    "uncertain": Quantity("", "yes: the tolerance of the probes could produce this component from its counterpart"),
+    "forward_peak_um": Quantity("µm zero-to-peak", "radius of the forward component"),
+    "backward_peak_um": Quantity("µm zero-to-peak", "radius of the backward component"),
+    "largest_peak_um": Quantity("µm zero-to-peak", "largest half major axis of the component's ellipse"),
+    "largest_at_rpm": Quantity("r/min", "speed of the largest value"),
+    "onset_rpm": Quantity("r/min", "onset speed of the component"),
+    "end_rpm": Quantity("r/min", "end speed of the component"),
+    "lock_rpm": Quantity("r/min", "speed at which the frequency of the component locks"),
+    "begin_s": Quantity("s", "start time of the component"),
+    "end_s": Quantity("s", "end time of the component"),
+    "direction": Quantity("", "forward or backward, relative to the rotation"),
+    "behaviour": Quantity("", "whirl: frequency follows the speed; whip: frequency stays constant"),
+    "exponent": Quantity("", "n in frequency ∝ speed^n: 1 whirl, 0 whip"),
+    "exponent_sigma": Quantity("", "standard deviation of the exponent"),
+    "severity": Quantity("", "severity of the larger probe: normal, alarm or danger"),
+    "revolutions": Quantity("", "number of revolutions used"),
+    "noise_peak_um": Quantity("µm zero-to-peak", "median noise floor of the spectrum"),
+    "noise_bandwidth_hz": Quantity("Hz", "equivalent noise bandwidth of a line"),
+    "relative_sigma": Quantity("", "relative standard deviation of noise lines"),
+    "major_peak_um": Quantity("µm zero-to-peak", "half the major axis of the ellipse"),
+    "minor_peak_um": Quantity("µm zero-to-peak", "half the minor axis; negative: backward"),
+    "tilt_deg": Quantity("degrees", "angle of the major axis from X, anticlockwise"),
+    "period": Quantity("", "revolutions after which the points repeat; 0: aperiodic"),
+    "scatter_um": Quantity("µm RMS", "scatter of the points about their pattern"),
+    "slow_roll_drift": Quantity("", "relative change of 1X over the slow roll; above 0.2 the shaft moved"),
+    "probe_gain_mismatch": Quantity(
+        "", "sensitivity of probe y over x minus 1, estimated from all strong lines and corrected"
+    ),
+    "jitter_us": Quantity("µs", "scatter of the tacho's pulses about the smooth angle"),
+    "pulses_filled": Quantity("", "missing tacho pulses that were filled in"),
+    "pulses_rejected": Quantity("", "rejected tacho edges"),
+    "speed_min_rpm": Quantity("r/min", "lowest speed used"),
+    "speed_max_rpm": Quantity("r/min", "highest speed used"),
+    "amplification_factor": Quantity("", "resonance speed over half-power bandwidth (API 684)"),
+    "resonance_rpm": Quantity("r/min", "speed of the largest resonance over run-up, run-down and both probes"),
+    "peak_to_peak_max_um": Quantity("µm peak-to-peak", "largest overall vibration"),
+}
+
 
 ProgressCallback = Callable[[str, float | None], None]
 """Called with the current task and the fraction done, 0 to 1, None where unknown."""

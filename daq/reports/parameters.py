@@ -8,7 +8,7 @@ from pydantic_core import PydanticCustomError
 
 from analysis.signals.header import WindowName
 from analysis.spectra.order_map import Scaling
-from daq.reports.plots.theme import DEFAULT_DPI, DEFAULT_WIDTH, PlotStyle, Theme
+from daq.reports.plots.panel import DEFAULT_DPI, DEFAULT_WIDTH, PlotStyle, Theme
 
 Segment = Annotated[
     int | None, Field(description="Only this gap-free segment of the run, from 0", ge=0, le=1_000_000, examples=[0])

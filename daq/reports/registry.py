@@ -6,14 +6,16 @@ from typing import Final
 
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.kinds.envelopes import analyse_envelopes, analyse_waveforms
-from daq.reports.kinds.orbits import analyse_orbit, analyse_poincare
-from daq.reports.kinds.overall import analyse_overall
-from daq.reports.kinds.positions import analyse_bifurcation, analyse_centreline
-from daq.reports.kinds.revolution import analyse_slow_roll, analyse_synchronous_average
-from daq.reports.kinds.spectra import analyse_frequency_spectrum, analyse_full_spectrum, analyse_order_spectrum
-from daq.reports.kinds.spectral_maps import analyse_cascade, analyse_waterfall
-from daq.reports.kinds.sub_synchronous import analyse_sub_synchronous
-from daq.reports.kinds.vectors import analyse_bode, analyse_polar
+from daq.reports.kinds.orbits import analyse_bifurcation, analyse_centreline, analyse_orbit, analyse_poincare
+from daq.reports.kinds.spectra import (
+    analyse_cascade,
+    analyse_frequency_spectrum,
+    analyse_full_spectrum,
+    analyse_order_spectrum,
+    analyse_waterfall,
+)
+from daq.reports.kinds.vectors import analyse_bode, analyse_polar, analyse_sub_synchronous
+from daq.reports.kinds.waveform import analyse_overall, analyse_slow_roll, analyse_synchronous_average
 from daq.reports.parameters import (
     AnalysisQuery,
     AverageQuery,

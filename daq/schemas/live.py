@@ -9,9 +9,8 @@ from pydantic import Field
 from analysis.signals.header import Role, RunHeader, Severity
 from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState, Whirl
 from analysis.signals.units import MICROSECOND
-from daq.schemas.agreement import CounterSchema, counter_schema
 from daq.schemas.events import AlarmSchema, LiveMarkerSchema, alarm_schema, live_marker_schema
-from daq.schemas.header import (
+from daq.schemas.runs import (
     DeviceSchema,
     LimitsSchema,
     RunOutSchema,
@@ -21,9 +20,11 @@ from daq.schemas.header import (
 )
 from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.schemas.vibration import (
+    CounterSchema,
     Direction,
     MeasuredProbeVectorsSchema,
     ProbeVectorsSchema,
+    counter_schema,
     direction,
     measured_probe_vectors_schema,
     probe_vectors_schema,

@@ -13,14 +13,17 @@ from analysis.signals.snapshot import TachoState
 from analysis.signals.units import MICROSECOND
 from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding, WhirlHysteresis, whirl_hysteresis
-from daq.schemas.agreement import AgreementSchema, CounterSchema, agreement_schema, counter_schema
 from daq.schemas.events import AlarmSchema, MarkerSchema, TimeInRunSchema, alarm_schema, time_in_run_schema
-from daq.schemas.header import RunOutSchema, runout_schema
+from daq.schemas.runs import RunOutSchema, runout_schema
 from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.schemas.vibration import (
+    AgreementSchema,
+    CounterSchema,
     Direction,
     ProbeVectorsSchema,
     StandardSchema,
+    agreement_schema,
+    counter_schema,
     direction,
     probe_vectors_schema,
     standard_schemas,

@@ -11,7 +11,7 @@ import numpy as np
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Role, RunHeader
 from analysis.signals.units import RPM
-from daq.reports.analysis_export import ANALYSIS_PATH, analysis_response
+from daq.reports.export import ANALYSIS_PATH, analysis_response
 from daq.reports.parameters import AnalysisQuery, FrameQuery, TrendQuery
 from daq.reports.plots.recorded import result_panels
 from daq.reports.recorded_results import cascade, trend_schema, waterfall

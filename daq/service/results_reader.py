@@ -18,8 +18,8 @@ from daq.reports.errors import (
     InsufficientDataError,
     RequestTooLargeError,
 )
+from daq.reports.export import encode_samples
 from daq.reports.parameters import SampleFormat, SamplesQuery
-from daq.reports.sample_export import encode_samples
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.results import ComparisonSchema, PredictionSchema
 from daq.schemas.summary import speed_row_schema

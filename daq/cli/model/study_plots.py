@@ -10,8 +10,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, ScalarFormatter
 
-from daq.reports.plots.figure import figure_bytes, new_figure, plot_settings
-from daq.reports.plots.theme import PlotStyle
+from daq.reports.plots.panel import PlotStyle
+from daq.reports.plots.render import figure_bytes, new_figure, plot_settings
 from model.studies.study import Plot, Series, Style, Surface
 
 HEIGHT = 90.0  # mm, of a plot

@@ -6,9 +6,9 @@ from itertools import groupby
 from analysis.signals.blocks import RampDirection
 from analysis.signals.header import Severity
 from daq.cli.output.terminal import print_json, print_lines
-from daq.schemas.agreement import AgreementSchema
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
+from daq.schemas.vibration import AgreementSchema
 from daq.session.recording.health import MAX_BUFFER_FILL
 from recordings.mcap.markers import MarkerKind
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM, phase_lag_degrees
 from analysis.tacho.shaft_angle import ShaftAngle
 from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_REVOLUTIONS, probe_envelopes
-from daq.reports.analysis_result import AnalysisResult
-from daq.reports.columns import columns
+from daq.reports.analysis_result import AnalysisResult, columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.orbits import orders_of
 from daq.reports.parameters import EnvelopesQuery, WaveformsQuery

@@ -1,9 +1,11 @@
-"""Panels of a plot: curves over two axes with labels, ranges and ticks."""
+"""Description of a plot: panels with curves, labels, ranges and ticks; theme, size and resolution."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, StrEnum
+
+from daq.colours import ON_WHITE, Color, hex_code
 
 Values = Sequence[float | None]
 FULL_TURN = 360.0  # degrees
@@ -140,3 +142,37 @@ def _quarters(low: float, high: float) -> list[float]:
 def label(tick: float) -> str:
     """Return the text of a tick, thousands separated by commas, with a true minus sign."""
     return (f"{tick:,.6g}" if abs(tick) < 1e6 else f"{tick:g}").replace("-", "−")
+
+
+DEFAULT_WIDTH = 170.0  # mm
+DEFAULT_DPI = 200.0
+
+
+class Theme(StrEnum):
+    """Background of a plot."""
+
+    LIGHT = "light"  # white paper
+    DARK = "dark"  # as the page
+
+    def colour(self, color: Color) -> str:
+        """Return a colour of `daq.colours` as it appears on this background."""
+        return hex_code(ON_WHITE[color] if self is Theme.LIGHT else color)
+
+
+@dataclass(frozen=True, slots=True)
+class PlotStyle:
+    """Appearance of a figure.
+
+    Parameters
+    ----------
+    theme : Theme
+        Light or dark background.
+    width : float
+        Width, mm; by default that of two columns of a journal.
+    dpi : float
+        Resolution of a PNG, pixels per inch.
+    """
+
+    theme: Theme = Theme.LIGHT
+    width: float = DEFAULT_WIDTH
+    dpi: float = DEFAULT_DPI

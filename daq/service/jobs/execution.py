@@ -11,14 +11,14 @@ from typing import Any
 from analysis.signals.header import Calibration, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rotor import model_parameters
-from daq.reports.analysis_export import encode_analysis, run_analysis
+from daq.reports.export import encode_analysis, run_analysis
 from daq.reports.parameters import AnalysisFormat, AnalysisQuery
 from daq.reports.run_history import read_history
 from daq.reports.run_summaries import Summaries
+from daq.schemas.checks import recovery_schema, verification_schema
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.runs import index_report_schema
 from daq.schemas.units import Schema
-from daq.schemas.verification import recovery_schema, verification_schema
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import result_schema

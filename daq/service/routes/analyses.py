@@ -5,8 +5,7 @@ from typing import Annotated, Any, Final, Protocol, TypeAlias
 
 from fastapi import Query, Request, Response
 
-from daq.reports.analysis_result import AnalysisSchema
-from daq.reports.columns import QUANTITIES
+from daq.reports.analysis_result import QUANTITIES, AnalysisSchema
 from daq.reports.parameters import (
     AnalysisFormat,
     AnalysisQuery,

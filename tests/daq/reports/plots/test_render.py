@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from daq.colours import ALARM, BACKGROUND, DANGER, MEASURED_X, MEASURED_Y, MODEL, ON_WHITE, hex_code
-from daq.reports.plots.figure import plot_settings
 from daq.reports.plots.layouts import RampCurve, orbit, polar, spectrum, stacked
-from daq.reports.plots.panel import Curve, Panel, Style
-from daq.reports.plots.render import curve_colours, draw, render
-from daq.reports.plots.theme import PlotStyle, Theme
+from daq.reports.plots.panel import Curve, Panel, PlotStyle, Style, Theme
+from daq.reports.plots.render import curve_colours, draw, plot_settings, render
 
 SVG = "{http://www.w3.org/2000/svg}"
 TURN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)

@@ -1,4 +1,4 @@
-"""Schemas of commands run before a recording: preflight, connected devices, check of a rig file, calibration."""
+"""Schemas of checks: preflight, connected devices, rig file, calibration; verification and recovery of recordings."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +12,11 @@ from daq.config.calibration import CalibrationRecord
 from daq.config.rig import Rig
 from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
-from daq.schemas.header import DeviceSchema, device_schema
+from daq.schemas.runs import DeviceSchema, device_schema
 from daq.schemas.units import Schema, finite, micrometres
 from daq.session.preflight.preflight import PreflightReport
+from recordings.integrity import file_checks, verify
+from recordings.integrity.recover import Recovery
 
 
 class CalibratedPointSchema(Schema):
@@ -214,4 +216,100 @@ def valid_rig_schema(rig: Rig, *, rate: float, convert_rate: float, disk_rate: f
         tacho_reference=rig.tacho.reference,
         counter_resolution_ns=None if rig.tacho.counter is None else finite(1e9 / rig.tacho.counter.timebase),
         disk_bytes_per_hour=round(disk_rate * 3600),
+    )
+
+
+class VerificationFindingSchema(Schema):
+    """A finding of a verification."""
+
+    check: file_checks.Check
+    location: str
+    description: str
+    is_fault: bool
+
+
+class VerificationSchema(Schema):
+    """Result of verifying a recording's file."""
+
+    run: str
+    path: str
+    verdict: verify.Verdict
+    size_bytes: int
+    chunks: int
+    segments: int
+    samples: int
+    pulses: int
+    findings: list[VerificationFindingSchema]
+
+
+class MissingSamplesSchema(Schema):
+    """Samples of a segment that were not recovered; null where the end of the segment is unknown."""
+
+    segment: int
+    first_sample: int
+    stop_sample: int | None
+    samples: int | None
+
+
+class RecoveredSegmentSchema(Schema):
+    """A segment of the copy and the position of its samples in the damaged recording."""
+
+    segment: int
+    from_segment: int
+    first_sample: int
+    stop_sample: int
+
+
+class RecoverySchema(Schema):
+    """Result of a recovery."""
+
+    source: str
+    target: str
+    samples: int
+    damaged_chunks: int
+    segments: list[RecoveredSegmentSchema]
+    missing: list[MissingSamplesSchema]
+
+
+def verification_schema(verification: verify.Verification) -> VerificationSchema:
+    """Return the schema of a verification."""
+    return VerificationSchema(
+        run=verification.run,
+        path=str(verification.path),
+        verdict=verification.verdict,
+        size_bytes=verification.size,
+        chunks=verification.chunks,
+        segments=verification.segments,
+        samples=verification.samples,
+        pulses=verification.pulses,
+        findings=[_finding(finding) for finding in verification.findings],
+    )
+
+
+def recovery_schema(recovery: Recovery) -> RecoverySchema:
+    """Return the schema of a recovery."""
+    return RecoverySchema(
+        source=str(recovery.source),
+        target=str(recovery.target),
+        samples=recovery.samples,
+        damaged_chunks=recovery.damaged_chunks,
+        segments=[
+            RecoveredSegmentSchema(
+                segment=segment.segment,
+                from_segment=segment.from_segment,
+                first_sample=segment.first,
+                stop_sample=segment.stop,
+            )
+            for segment in recovery.segments
+        ],
+        missing=[
+            MissingSamplesSchema(segment=gap.segment, first_sample=gap.first, stop_sample=gap.stop, samples=gap.samples)
+            for gap in recovery.missing
+        ],
+    )
+
+
+def _finding(finding: file_checks.Finding) -> VerificationFindingSchema:
+    return VerificationFindingSchema(
+        check=finding.check, location=finding.where, description=finding.what, is_fault=finding.is_fault
     )
