@@ -17,7 +17,6 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
 from daq.drivers.ni import FoundDevice, connected_devices
-from daq.drivers.simulation import converter
 from daq.errors import ConfigError
 from daq.schemas.checks import found_device_schema, invalid_rig_schema, preflight_schema, valid_rig_schema
 from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
@@ -35,8 +34,8 @@ def run_check(args: argparse.Namespace) -> int:
         print_json(invalid_rig_schema(error))
         return error.exit_code
     card = device_spec(rig.config.device.product)
-    rate = converter.coerced_rate(card, rig.config.timing.rate_hz)
-    convert_rate = converter.convert_rate(card, rate, len(rig.config.channel))
+    rate = card.coerced_rate(rig.config.timing.rate_hz)
+    convert_rate = card.convert_rate(rate, len(rig.config.channel))
     if args.json:
         print_json(valid_rig_schema(rig, rate=rate, convert_rate=convert_rate, disk_rate=disk_rate(rig, rate)))
     else:

@@ -10,6 +10,8 @@ int16 codes clip at their ends.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+SETTLING_TIME = 10e-6  # s that the driver adds for the amplifier to settle if the sample interval allows it
+
 
 @dataclass(frozen=True, slots=True)
 class DeviceSpec:
@@ -59,6 +61,20 @@ class DeviceSpec:
     def max_total_rate(self, channels: int) -> float:
         """Return the highest sample rate of all channels together, Hz."""
         return self.single_channel_rate if channels == 1 else self.aggregate_rate
+
+    def coerced_rate(self, rate: float) -> float:
+        """Return the nearest sample rate, Hz, that the timebase allows: the timebase over a whole number."""
+        return self.sample_timebase / max(round(self.sample_timebase / rate), 1)
+
+    def convert_rate(self, rate: float, channels: int) -> float:
+        """Return the rate, Hz, of the multiplexer's convert clock at a sample rate, Hz.
+
+        One fastest conversion plus 10 µs per channel if that fits into the sample interval, else evenly spaced (M
+        Series, USB-621x and X Series manuals, AI Convert Clock), in whole ticks of the timebase.
+        """
+        between_samples = round(self.sample_timebase / rate)
+        padded = round(self.sample_timebase * (1.0 / self.max_total_rate(channels) + SETTLING_TIME))
+        return self.sample_timebase / (padded if padded * channels <= between_samples else between_samples // channels)
 
     @property
     def counter_names(self) -> tuple[str, ...]:

@@ -11,9 +11,8 @@ from pydantic import ValidationError
 
 from analysis.signals.header import Calibration, Role
 from daq.config.calibration import load_calibration
-from daq.config.checks import card_faults, cross_field_faults, trigger_faults
-from daq.config.rig import Rig
-from daq.config.rotor import default_rotor, read_rotor
+from daq.config.consistency import card_faults, cross_field_faults, trigger_faults
+from daq.config.rig import Rig, default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig, TriggerSection
 from daq.config.toml_files import (
     Fault,

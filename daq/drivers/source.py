@@ -1,9 +1,9 @@
-"""The interface of all sample sources, and the limit on new segments after faults."""
+"""The interface of all sample sources, the limit on new segments after faults, and the devices that a driver lists."""
 
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from analysis.signals.blocks import SegmentEnd, SourceItem
@@ -65,3 +65,31 @@ class RestartLimiter:
         """Return the run's last segment end with the limit added to its detail."""
         reason = "every fault ends the run" if self._per_minute == 0 else f"{self._per_minute} new segments in a minute"
         return replace(end, detail=f"{end.detail}; the run ends here: {reason} (session.restarts_per_minute)")
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A device in the driver's list.
+
+    Parameters
+    ----------
+    name : str
+        The driver's name for it, as "Dev1"; it depends on the USB port.
+    product : str
+        Product type, as "USB-6251".
+    serial : str
+        Serial number, hexadecimal as printed on the card.
+    simulated : bool
+        Whether the driver only simulates it.
+    busy : bool or None
+        Whether another acquisition holds it; None if unknown.
+    driver : str
+        Name, version and location of the driver.
+    """
+
+    name: str
+    product: str
+    serial: str
+    simulated: bool
+    busy: bool | None
+    driver: str

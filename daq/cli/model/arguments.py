@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.config.loader import load_rig
-from daq.config.rotor import model_parameters, parameters_from_tables, read_rotor
+from daq.config.rig import model_parameters, parameters_from_tables, read_rotor
 from daq.errors import ConfigError, RigError, UsageError
 from model.errors import ModelError, ParameterError
 from model.rotor.gj90c import gj90c

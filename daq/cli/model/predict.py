@@ -11,8 +11,7 @@ from daq.cli.arguments import AddCommand, show_examples, speed
 from daq.cli.output.progress import TerminalOutput
 from daq.cli.output.terminal import print_json
 from daq.config.loader import load_rig
-from daq.config.rig import Rig
-from daq.config.rotor import model_parameters
+from daq.config.rig import Rig, model_parameters
 from daq.errors import RigError, UsageError
 from daq.schemas.live import predicted_vibration_schema
 from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors

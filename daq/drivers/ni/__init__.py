@@ -3,7 +3,7 @@
 nidaqmx and gRPC, the optional extra `card`, are imported when a card is opened.
 """
 
-from daq.drivers.ni.devices import FoundDevice
 from daq.drivers.ni.source import NiSource, connected_devices, open_ni_source, self_test
+from daq.drivers.source import FoundDevice
 
 __all__ = ["FoundDevice", "NiSource", "connected_devices", "open_ni_source", "self_test"]

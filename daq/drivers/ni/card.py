@@ -1,16 +1,33 @@
-"""The card through nidaqmx: its analog inputs and its counter, configured, started, read and released."""
+"""The driver and the card through nidaqmx: its analog inputs and its counter, configured, started, read and released.
 
+This is the only module that imports nidaqmx.
+"""
+
+import datetime as dt
 import math
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 
+import grpc
 import numpy as np
 from nidaqmx.constants import AcquisitionType, TaskMode, TerminalConfiguration, TriggerType
 from nidaqmx.constants import Edge as NiEdge
-from nidaqmx.errors import DaqReadError, Error
+from nidaqmx.error_codes import DAQmxErrors
+from nidaqmx.errors import (
+    DaqError,
+    DaqFunctionNotSupportedError,
+    DaqNotFoundError,
+    DaqReadError,
+    DaqWarning,
+    Error,
+    RpcError,
+)
+from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
 from nidaqmx.stream_readers import AnalogUnscaledReader, CounterReader
 from nidaqmx.system.device import Device
+from nidaqmx.system.system import System
 from nidaqmx.task import Task
 from nidaqmx.task.channels import AIChannel
 from numpy.typing import NDArray
@@ -19,9 +36,10 @@ from analysis.signals.header import Acquisition, Channel, Edge, Role, TachoCount
 from analysis.signals.header import Device as DeviceRecord
 from daq.config.devices import device_spec
 from daq.config.rig import Rig
-from daq.config.schema import ChannelSection, RigConfig
-from daq.drivers.ni.connection import Connection
-from daq.drivers.ni.error_codes import ABSENT_CODES, NOT_YET_AVAILABLE
+from daq.config.schema import ChannelSection, DeviceSection, RigConfig
+from daq.drivers.ni.device_server import DriverWarnings, open_channel, server_error
+from daq.drivers.ni.error_codes import ABSENT_CODES, BUSY_CODES, NOT_YET_AVAILABLE, device_fault, operator_message
+from daq.drivers.source import FoundDevice
 from daq.errors import DeviceError, DeviceFault
 
 READ_MARGIN = 1.0  # s in addition to a block's duration before a read times out
@@ -35,6 +53,179 @@ TERMINALS = {
     "nrse": TerminalConfiguration.NRSE,
 }
 EDGES = {Edge.RISING: NiEdge.RISING, Edge.FALLING: NiEdge.FALLING}
+
+
+class Connection:
+    """The driver that `[device]` names: on this machine, or at a device server.
+
+    Parameters
+    ----------
+    section : DeviceSection
+        Location of the driver, and the card.
+    """
+
+    def __init__(self, section: DeviceSection) -> None:
+        self._section = section
+        self._channel: grpc.Channel | None = open_channel(section) if section.target else None
+        self._location = f" at device server {section.target}" if section.target else ""  # for messages
+        self.warnings = DriverWarnings(DaqWarning)
+
+    def system(self) -> System:
+        """Return nidaqmx's object for the driver."""
+        return System(self._options(""))
+
+    def find_card(self, system: System) -> Device:
+        """Return the card that `[device]` names; DeviceError if it is not connected."""
+        section = self._section
+        devices: list[Device] = list(system.devices)
+        for device in devices:
+            if section.serial:
+                matches = f"{device.serial_num:X}" == section.serial.upper().removeprefix("0X").lstrip("0")
+            else:
+                matches = device.name.casefold() == section.name.casefold()
+            if matches and device.product_type.startswith(section.product):
+                return device
+        identity = f"serial number {section.serial}" if section.serial else f"name {section.name}"
+        there = ", ".join(f"{d.name}: {d.product_type}, serial number {d.serial_num:X}" for d in devices) or "no device"
+        raise DeviceError(
+            DeviceFault.MISSING,
+            f"no {section.product} with {identity} is connected{self._location}; connected: {there}. "
+            "Check its supply (an unpowered card is not listed) and its USB cable",
+        )
+
+    def acquisition_task(self, card: str, part: str = "", *, abandoned_after: float) -> Task:
+        """Return a new task for an acquisition.
+
+        At a server it has a fixed name. So the task of a client that died can be found and cleared.
+
+        Parameters
+        ----------
+        card : str
+            The driver's name of the card.
+        part : str
+            Suffix of the name of a further task.
+        abandoned_after : float
+            Time without a read after which an existing task counts as abandoned, s; 0 if it is known to be.
+
+        Raises
+        ------
+        DeviceError
+            Another client is reading a task of this name.
+        """
+        if self._channel is None:
+            return Task()
+        name = f"rig-{card}{part}"
+        self._clear_leftover(name, card, abandoned_after)
+        fresh = self._options(name, SessionInitializationBehavior.INITIALIZE_SERVER_SESSION)
+        try:
+            return Task(name, grpc_options=fresh)
+        except Error:
+            self._clear_leftover(name, card, abandoned_after)
+            raise
+
+    @contextmanager
+    def errors_translated(self) -> Iterator[None]:
+        """Translate nidaqmx's errors in this block to `DeviceError`, and collect the driver's warnings."""
+        section = self._section
+        try:
+            with self.warnings.collected():
+                yield
+        except DaqError as error:
+            code = int(error.error_code)
+            fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
+            raise DeviceError(fault, f"{section.product}: {operator_message(code, str(error))}", code) from error
+        except RpcError as error:
+            raise server_error(section, error.rpc_code, error.description, error) from error
+        except DaqNotFoundError as error:
+            raise DeviceError(
+                DeviceFault.DRIVER,
+                "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
+                "device.target to the host:port of a device server",
+            ) from error
+        except DaqFunctionNotSupportedError as error:
+            raise DeviceError(
+                DeviceFault.DRIVER,
+                f"the NI-DAQmx driver on this machine is too old: install a newer one ({' '.join(str(error).split())})",
+            ) from error
+        except (Error, OSError) as error:  # not for this platform, or not loadable
+            raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
+
+    def close(self) -> None:
+        """Close the connection to the server; may be called twice."""
+        if self._channel is not None:
+            self._channel.close()
+
+    def devices(self) -> list[FoundDevice]:
+        """Return the devices that the driver lists."""
+        with self.errors_translated():
+            system = self.system()
+            return [
+                FoundDevice(
+                    name=str(device.name),
+                    product=str(device.product_type),
+                    serial=f"{device.serial_num:X}",
+                    simulated=bool(device.is_simulated),
+                    busy=self._is_busy(device),
+                    driver=self.driver(system),
+                )
+                for device in system.devices
+            ]
+
+    def driver(self, system: System) -> str:
+        """Return name, version and location of the driver."""
+        return "NI-DAQmx " + ".".join(str(part) for part in system.driver_version) + self._location
+
+    def self_test(self) -> dt.date | None:
+        """Run the card's self-test; return the date of its last self-calibration, None if unknown."""
+        with self.errors_translated():
+            device = self.find_card(self.system())
+            device.self_test_device()
+            try:
+                calibrated: dt.datetime = device.self_cal_last_date_and_time
+            except (DaqError, ValueError):  # not supported, or never done: no such date
+                return None
+        return calibrated.date()
+
+    def _is_busy(self, device: Device) -> bool | None:
+        """Return whether another acquisition holds the device; None if it has no analog input to reserve."""
+        with Task(grpc_options=self._options("")) as task:  # the server closes it when its client ends
+            try:
+                task.ai_channels.add_ai_voltage_chan(f"{device.name}/ai0")
+                task.control(TaskMode.TASK_COMMIT)
+            except DaqError as error:
+                return True if error.error_code in BUSY_CODES else None
+        return False
+
+    def _options(
+        self, name: str, behavior: SessionInitializationBehavior = SessionInitializationBehavior.AUTO
+    ) -> GrpcSessionOptions | None:
+        if self._channel is None:
+            return None
+        return GrpcSessionOptions(self._channel, name, initialization_behavior=behavior)
+
+    def _clear_leftover(self, name: str, card: str, abandoned_after: float) -> None:
+        """Clear a task that a dead client left on the server; DeviceError if another client is reading it."""
+        try:
+            leftover = Task(
+                name, grpc_options=self._options(name, SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION)
+            )
+        except Error:
+            return  # there is none; an error of the server is reported when the new task is created
+        if abandoned_after:
+            position = _position(leftover)
+            time.sleep(abandoned_after)
+            if _position(leftover) != position:
+                raise DeviceError(
+                    DeviceFault.BUSY, f"another recording is reading {card}{self._location}: stop it there"
+                )
+        leftover.close()
+
+
+def _position(task: Task) -> int | None:
+    try:
+        return int(task.in_stream.curr_read_pos)
+    except DaqError:
+        return None  # the task is not running
 
 
 class NiCounter:
@@ -73,15 +264,10 @@ class NiCounter:
         trigger.dig_edge_src = f"/{device}/ai/StartTrigger"
         trigger.dig_edge_edge = NiEdge.RISING
         task.control(TaskMode.TASK_COMMIT)
-        self._task = task
+        self.task = task
         self._reader = CounterReader(task.in_stream)
         self._reader.verify_array_shape = False
         self._counts = np.empty(MIN_STAMPS + math.ceil(pulse_rate * config.timing.block_s), np.uint32)
-
-    @property
-    def task(self) -> Task:
-        """The task that holds the counter."""
-        return self._task
 
     def read(self) -> tuple[NDArray[np.uint32], bool]:
         """Return the unread latched counts without waiting, and whether these were all.
@@ -258,7 +444,7 @@ class NiCard:
             ),
             rate=rate,
             convert_rate=float(task.timing.ai_conv_rate),
-            channels=tuple(_channel_record(rig, *pair) for pair in zip(sections, inputs, strict=True)),
+            channels=tuple(_channel(rig, *pair) for pair in zip(sections, inputs, strict=True)),
             tacho=rig.tacho,
             buffer=int(task.in_stream.input_buf_size),
         )
@@ -292,23 +478,9 @@ def _closed() -> DeviceError:
     return DeviceError(DeviceFault.OTHER, "the card has been closed")
 
 
-def _channel_record(rig: Rig, section: ChannelSection, channel: AIChannel) -> Channel:
+def _channel(rig: Rig, section: ChannelSection, channel: AIChannel) -> Channel:
     scaling = tuple(float(term) for term in channel.ai_dev_scaling_coeff)
     if len(scaling) < 2 or scaling[1] == 0:
-        raise DeviceError(
-            DeviceFault.OTHER, f"{section.physical}: scaling polynomial {scaling} from the device, expected a slope"
-        )
-    low, high = section.gap_window_v
-    probe = section.role is not Role.TACHO
-    return Channel(
-        name=section.name,
-        role=section.role,
-        physical=section.physical,
-        range_low=float(channel.ai_rng_low),
-        range_high=float(channel.ai_rng_high),
-        scaling=scaling,
-        calibration=rig.calibrations.get(section.name),
-        angle=math.radians(section.angle_deg) if probe else 0.0,
-        gap_low=low if probe else -math.inf,
-        gap_high=high if probe else math.inf,
-    )
+        message = f"{section.physical}: scaling polynomial {scaling} from the device, expected a slope"
+        raise DeviceError(DeviceFault.OTHER, message)
+    return rig.channel(section, (float(channel.ai_rng_low), float(channel.ai_rng_high)), scaling)

@@ -1,23 +1,58 @@
-"""The simulated card and the simulated bench connected to it."""
+"""The simulated card: its converter, its samples, and the source that delivers them with the pace and buffer of a card.
 
-import math
+The limits are those of the card's `DeviceSpec`; the converter's other figures are from NI's M Series manual and 6255
+specification.
+"""
+
+import time
+from collections.abc import Generator, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.header import Acquisition, Channel, Device, Role
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Device, Role
 from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec
 from daq.config.rig import Rig
-from daq.config.schema import ChannelSection
-from daq.drivers.simulation import converter
-from daq.drivers.simulation.motion import MotionComponent, SamplingInstants
-from daq.drivers.simulation.probe import SimulatedProbe
-from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
-from daq.drivers.simulation.shaft import shaft_motion
+from daq.drivers.simulation import StreamPurpose, random_stream
+from daq.drivers.simulation.motion import MotionComponent, SamplingInstants, shaft_motion
+from daq.drivers.simulation.sensors import SimulatedProbe, SimulatedTacho, TachoSignal
 from daq.drivers.simulation.speed import SpeedProfile, make_speed_profile
-from daq.drivers.simulation.tacho import SimulatedTacho, TachoSignal
 from daq.drivers.simulation.wiring import SensorRows, SimulatedWiring
+from daq.drivers.source import RestartLimiter
+from daq.stop_flag import StopFlag
+from model.errors import WallContactError
+
+FloatArray = NDArray[np.float64]
+
+# An uncalibrated converter, relative to the range: it exceeds the range by 4.8 % and has offset and curvature.
+OFFSET = 6e-5
+GAIN = 1.048
+SQUARE = 1.5e-5  # at full scale
+CUBE = -2.5e-5  # at full scale
+
+
+def scaling_polynomial(full_range: float) -> tuple[float, float, float, float]:
+    """Return the device's scaling polynomial, V per code**k, for the range ±``full_range``, V."""
+    full_code = float(CODE_MAX + 1)
+    return (
+        OFFSET * full_range,
+        GAIN * full_range / full_code,
+        SQUARE * full_range / full_code**2,
+        CUBE * full_range / full_code**3,
+    )
+
+
+def quantized(volts: FloatArray, polynomial: tuple[float, ...]) -> NDArray[np.int16]:
+    """Return the converter's codes for voltages, V: the inverted scaling polynomial, rounded and clipped."""
+    offset, gain, square, cube = polynomial
+    linear = (volts - offset) / gain
+    code = linear
+    for _ in range(2):  # the curvature is small, so each iteration gains four digits
+        code = linear - code * code * (square + cube * code) / gain
+    return np.clip(np.rint(code), CODE_MIN, CODE_MAX).astype(np.int16)
+
 
 PORTION = 8192  # samples computed together, whatever the block size, so that the codes do not depend on it
 
@@ -149,7 +184,7 @@ class SimulatedCard:
         at_inputs = self._wiring.transmit(portion, time, volts)
         codes = np.empty(at_inputs.shape, dtype=np.int16)
         for row, channel in enumerate(acquisition.channels):
-            codes[row] = converter.codes(at_inputs[row], channel.scaling)
+            codes[row] = quantized(at_inputs[row], channel.scaling)
         return codes
 
 
@@ -168,7 +203,7 @@ def _speed_profile(rig: Rig) -> SpeedProfile:
 def _acquisition(rig: Rig) -> Acquisition:
     config = rig.config
     card = device_spec(config.device.product)
-    rate = converter.coerced_rate(card, config.timing.rate_hz)
+    rate = card.coerced_rate(config.timing.rate_hz)
     return Acquisition(
         device=Device(
             backend=str(config.device.backend),
@@ -178,24 +213,123 @@ def _acquisition(rig: Rig) -> Acquisition:
             simulated=True,
         ),
         rate=rate,
-        convert_rate=converter.convert_rate(card, rate, len(config.channel)),
-        channels=tuple(_channel(rig, section) for section in config.channel),
+        convert_rate=card.convert_rate(rate, len(config.channel)),
+        channels=tuple(
+            rig.channel(each, (-each.range_v, each.range_v), scaling_polynomial(each.range_v))
+            for each in config.channel
+        ),
         tacho=rig.tacho,
         buffer=round(config.timing.buffer_s * rate),
     )
 
 
-def _channel(rig: Rig, section: ChannelSection) -> Channel:
-    gap_low, gap_high = section.gap_window_v if section.role is not Role.TACHO else (-math.inf, math.inf)
-    return Channel(
-        name=section.name,
-        role=section.role,
-        physical=section.physical,
-        range_low=-section.range_v,
-        range_high=section.range_v,
-        scaling=converter.scaling(section.range_v),
-        calibration=rig.calibrations.get(section.name),
-        angle=math.radians(section.angle_deg),
-        gap_low=gap_low,
-        gap_high=gap_high,
-    )
+class SimulatedSource:
+    """A `Source` that delivers the simulated card's blocks.
+
+    A reader that is later than the buffer allows loses samples, as with a real card: the segment ends with the loss,
+    and the acquisition continues as the next segment. The simulated bench does not wait for the reader.
+
+    Parameters
+    ----------
+    card : SimulatedCard
+        The card, from which no samples have been read.
+    block : int
+        Samples per channel and block.
+    buffer : int
+        Samples per channel that the card's buffer holds.
+    real_time : bool
+        Whether samples arrive at the card's rate; otherwise as fast as they are read.
+    restarts : RestartLimiter
+        Limits new segments after faults.
+    """
+
+    def __init__(
+        self, card: SimulatedCard, *, block: int, buffer: int, real_time: bool, restarts: RestartLimiter
+    ) -> None:
+        self._card = card
+        self._block = block
+        self._buffer = buffer
+        self._real_time = real_time
+        self._restarts = restarts
+        self._stopping = StopFlag()
+        self._started = 0.0
+        self._read = 0  # samples per channel delivered in this segment
+
+    @property
+    def acquisition(self) -> Acquisition:
+        """The acquisition, as the driver of a real card would report it."""
+        return self._card.acquisition
+
+    def blocks(self) -> Iterator[SourceItem]:
+        """Start, and yield blocks and segment ends until stopped or until the speed profile ends.
+
+        Deadlines count from the start, so that the pace does not drift.
+        """
+        self._started = time.monotonic()
+        lost, segment = 0, 0
+        while True:
+            self._read = 0
+            try:
+                self._card.skip(lost)
+                end = yield from self._segment(segment)
+            except WallContactError as error:
+                end = SegmentEnd(segment, self._read, EndReason.DEVICE_ERROR, detail=str(error))
+            lost = end.lost
+            over = self._stopping.is_set() or self._card.n_read + lost >= self._card.n_samples
+            goes_on = end.reason is EndReason.OVERRUN and not over
+            if goes_on and not self._restarts.allow():
+                goes_on, end = False, self._restarts.with_reason(end)
+            yield end
+            if not goes_on or self._stopping.is_set():
+                return
+            segment += 1
+
+    def stop(self) -> None:
+        """Request the stop, from any thread."""
+        self._stopping.set()
+
+    def close(self) -> None:
+        """Request the stop; there is no device to release."""
+        self._stopping.set()
+
+    def _segment(self, segment: int) -> Generator[SampleBlock, None, SegmentEnd]:
+        """Yield the blocks of a segment and return its end."""
+        before = self._card.n_read
+        while not self._stopping.is_set():
+            late = self._acquired() - before - self._read
+            if late > self._buffer:
+                return self._overrun(segment, late)
+            codes = self._card.next_codes(self._block)
+            if codes.shape[1] == 0:
+                return SegmentEnd(segment, self._read, EndReason.FINISHED)
+            if not self._wait_for(self._card.n_read):
+                break
+            first, self._read = self._read, self._read + codes.shape[1]
+            backlog = max(self._acquired() - self._card.n_read, 0)
+            ticks = self._ticks(before, first)
+            yield SampleBlock(codes, segment, first, host_time_ns=time.time_ns(), backlog=backlog, ticks=ticks)
+        return SegmentEnd(segment, self._read, EndReason.STOPPED)
+
+    def _ticks(self, before: int, first: int) -> NDArray[np.int64] | None:
+        """Return the counter's stamps since the segment's sample `first`; the segment begins at the run's `before`."""
+        if self.acquisition.tacho.counter is None:
+            return None
+        return self._card.ticks(before + first, self._card.n_read, before)
+
+    def _wait_for(self, sample: int) -> bool:
+        """Wait until the card has digitised a sample; return False if a stop was requested meanwhile."""
+        if not self._real_time:
+            return True
+        due = self._started + sample / self.acquisition.rate
+        return not self._stopping.wait(max(due - time.monotonic(), 0.0))
+
+    def _acquired(self) -> int:
+        """Return how many samples per channel the card has digitised by now; 0 if it does not run in real time."""
+        if not self._real_time:
+            return 0
+        return min(int((time.monotonic() - self._started) * self.acquisition.rate), self._card.n_samples)
+
+    def _overrun(self, segment: int, late: int) -> SegmentEnd:
+        rate = self.acquisition.rate
+        detail = f"the reader was {late / rate:.1f} s late, the card's buffer holds {self._buffer / rate:.1f} s"
+        return SegmentEnd(segment, self._read, EndReason.OVERRUN, lost=late, detail=detail)

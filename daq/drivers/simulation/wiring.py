@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from daq.config.schema import Miswiring
-from daq.drivers.simulation.random_streams import StreamPurpose, random_stream
+from daq.drivers.simulation import StreamPurpose, random_stream
 
 FloatArray = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from analysis.signals.header import Calibration, RunHeader
 from daq.config.loader import read_recorded_config
-from daq.config.rotor import model_parameters
+from daq.config.rig import model_parameters
 from daq.reports.export import encode_analysis, run_analysis
 from daq.reports.parameters import AnalysisFormat, AnalysisQuery
 from daq.reports.run_history import read_history

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
 from daq.config.loader import read_recorded_config
-from daq.config.rotor import model_parameters
+from daq.config.rig import model_parameters
 from daq.schemas.study import (
     CampbellRequest,
     CriticalSpeedsRequest,

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
 from daq.config.loader import read_recorded_config
-from daq.config.rig import Rig
-from daq.config.rotor import model_parameters
+from daq.config.rig import Rig, model_parameters
 from daq.session.prediction.map_cache import cache_folder, load_or_compute_map, map_file, read_map
 from daq.session.prediction.refiner import Refiner
 from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process

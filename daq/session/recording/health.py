@@ -3,7 +3,7 @@
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Acquisition
 from daq.config.schema import TimingSection
-from daq.drivers.reconnecting import RECONNECT_REASONS
+from daq.drivers.factory import RECONNECT_REASONS
 from daq.session.live_update import Clipping, RunState
 from daq.session.recording.statistics import RecorderStatistics
 

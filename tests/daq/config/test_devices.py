@@ -113,3 +113,28 @@ def test_counter_counts_the_fastest_clock_of_the_card(
     card = SimulatedCard(loaded)
     seconds = np.diff(card.ticks(0, 20_000)) / timebase
     np.testing.assert_allclose(seconds, 0.01, rtol=0.05)  # 6,000 r/min
+
+
+@pytest.mark.parametrize(
+    ("product", "rate", "channels", "expected"),
+    [
+        ("USB-6251", 1e3, 3, 1 / 11e-6),
+        ("USB-6251", 250e3, 4, 1e6),
+        ("USB-6251", 100e3, 2, 2e5),
+        ("USB-6211", 1e3, 3, 1 / 14e-6),
+        ("USB-6211", 80e3, 3, 20e6 / 83),
+        ("PCIe-6321", 1e3, 3, 1 / 14e-6),
+        ("PCIe-6321", 80e3, 3, 100e6 / 416),
+    ],
+)
+def test_convert_clock_is_padded_if_the_sample_interval_allows_it(
+    product: str, rate: float, channels: int, expected: float
+) -> None:
+    assert DEVICES[product].convert_rate(rate, channels) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("product", "expected"), [("USB-6251", 20e6 / 667), ("USB-6211", 20e6 / 667), ("PCIe-6321", 100e6 / 3333)]
+)
+def test_rate_is_coerced_to_the_timebase_of_the_card(product: str, expected: float) -> None:
+    assert DEVICES[product].coerced_rate(30e3) == expected

@@ -10,8 +10,7 @@ import pytest
 
 from analysis.signals.header import Role
 from daq.config.loader import RENAMED_KEYS, load_rig, read_recorded_config
-from daq.config.rig import Rig
-from daq.config.rotor import model_parameters
+from daq.config.rig import Rig, model_parameters
 from daq.config.schema import Backend
 from daq.config.toml_files import dotted
 from daq.errors import ConfigError

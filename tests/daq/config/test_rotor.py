@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from daq.config.loader import load_rig, read_recorded_config
-from daq.config.rig import Rig
-from daq.config.rotor import default_rotor, model_parameters
+from daq.config.rig import Rig, default_rotor, model_parameters
 from daq.errors import ConfigError
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance

@@ -11,7 +11,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from daq.config.devices import DEVICES
 from daq.config.schema import CounterSection
 from daq.drivers.ni import NiSource, open_ni_source
-from daq.drivers.ni.counter_stamps import CounterUnwrapper
+from daq.drivers.ni.source import CounterUnwrapper
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceFault
 from tests.daq.support.device_server import DeviceServer, serving

@@ -11,8 +11,7 @@ from analysis.live.analyser import Analyser
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, Role
 from analysis.signals.units import RPM
-from daq.config.rig import Rig
-from daq.config.rotor import model_parameters
+from daq.config.rig import Rig, model_parameters
 from daq.drivers.simulation.card import SimulatedCard
 from model.dynamics.synchronous import synchronous_response
 

@@ -5,8 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from daq.config.rig import Rig
-from daq.config.rotor import model_parameters
+from daq.config.rig import Rig, model_parameters
 from daq.drivers.factory import open_source
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import DeviceError, DeviceFault

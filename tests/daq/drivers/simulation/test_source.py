@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.simulation.source import SimulatedSource
+from daq.drivers.simulation.card import SimulatedCard, SimulatedSource
 from daq.drivers.source import RestartLimiter
 from daq.errors import DeviceError
 from model.errors import WallContactError

@@ -1,4 +1,4 @@
-"""Cross-field checks of rig.toml: whether its keys agree with each other, with the sensors and with the card."""
+"""Consistency of rig.toml: whether its keys agree with each other, with the sensors and with the card."""
 
 import math
 from collections import Counter
@@ -8,7 +8,7 @@ from analysis.signals.header import Role
 from analysis.signals.units import MILLISECOND
 from analysis.spectra.windows import WINDOWS
 from daq.config.devices import DEVICES, HIGH_LEVEL, LOW_LEVEL, DeviceSpec
-from daq.config.rotor import model_parameters
+from daq.config.rig import model_parameters
 from daq.config.schema import SPEED, TIME, Backend, ChannelSection, RigConfig, TachoSection, parse_condition
 from daq.config.toml_files import Fault
 from model.errors import ParameterError
