@@ -30,7 +30,7 @@ from daq.schemas.vibration import (
     probe_vectors_schema,
 )
 from daq.session.live_update import LiveUpdate, RunState, Status
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 Count = Annotated[int, Field(ge=0)]
 Speed = Annotated[float | None, Field(description="Shaft speed, r/min", examples=[11042.1])]

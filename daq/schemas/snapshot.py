@@ -12,7 +12,7 @@ from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
 from daq.schemas.units import Schema, finite, lags_degrees, micrometres, rpm
 from daq.session.live_update import LiveUpdate
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 Count = Annotated[int, Field(ge=0)]
 Values = tuple[float | None, ...]

@@ -30,7 +30,7 @@ from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
 from daq.service.worker_pool import TIME_LIMIT, WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.incoming_run import require_sound
 from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError

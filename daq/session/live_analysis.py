@@ -12,7 +12,7 @@ from analysis.signals.blocks import SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import RunOut, Snapshot
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, Status, TimedMarker
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 MAX_LIVE_MARKERS = 20  # the latest ones are shown
 

@@ -7,7 +7,7 @@ from typing import Protocol
 from analysis.live.alarms import Alarm
 from analysis.signals.header import RunHeader, Severity
 from analysis.signals.snapshot import RunOut, Snapshot
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import Marker
 
 

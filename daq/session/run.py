@@ -7,7 +7,7 @@ from analysis.live.alarms import Alarm
 from analysis.signals.blocks import EndReason, SegmentEnd
 from analysis.signals.header import RunHeader
 from daq.session.live_update import LiveUpdate
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import Marker
 
 

@@ -12,7 +12,7 @@ from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.colours import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MODEL_DASH, Anchor, Drawing, dimmed
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

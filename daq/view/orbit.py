@@ -9,7 +9,7 @@ from analysis.signals.units import MICROMETRE
 from daq.colours import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Color
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import Anchor, Drawing, dimmed
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
 

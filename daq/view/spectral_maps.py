@@ -17,7 +17,7 @@ from daq.session.live_update import TimedMarker
 from daq.view.axes import Axis, Plot
 from daq.view.drawing import Anchor, Drawing, dimmed, shades
 from daq.view.traces import draw_horizontal_marker
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
 

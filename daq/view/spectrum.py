@@ -13,7 +13,7 @@ from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MODEL_DASH, Anchor, Drawing, dimmed
 from daq.view.status_text import micrometres
 from daq.view.stroke_font import text_width
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 BOUNDS = ((-34.0, 308.0), (-18.0, 214.0))
 HIGHEST_ORDER = 3.0

@@ -12,7 +12,7 @@ from daq.colours import ALARM, FRAME, GOOD, LABEL, MEASURED_X, MEASURED_Y, MODEL
 from daq.session.live_update import LiveUpdate
 from daq.view.drawing import Anchor, Drawing
 from daq.view.stroke_font import text_width
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 
 def rpm(speed: float) -> str:

@@ -14,7 +14,7 @@ from daq.session.live_update import TimedMarker
 from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MODEL_DASH, Anchor, Drawing
 from daq.view.stroke_font import text_width
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.markers import MarkerKind
 
 _COLORS = {MarkerKind.NOTE: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
-from model.dynamics.modal_system import ModalSystem
+from model.dynamics.modal_system import NO_LEVEL, ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
-from model.dynamics.state import NO_LEVEL
 from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
 

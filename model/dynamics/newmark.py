@@ -8,10 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiling import Compiler
-from model.dynamics import condensed, forces, modal_system, state
+from model.dynamics import condensed, modal_system
 from model.dynamics.condensed import solve
-from model.dynamics.modal_system import Constraints, ModalShaft, Parts, Rings
-from model.dynamics.state import NO_LEVEL, MotionState, NewmarkMatrices, Workspace
+from model.dynamics.modal_system import (
+    NO_LEVEL,
+    Constraints,
+    ModalShaft,
+    MotionState,
+    NewmarkMatrices,
+    Parts,
+    Rings,
+    Workspace,
+)
 from model.films import film_kernels
 
 FloatArray = NDArray[np.float64]
@@ -20,7 +28,7 @@ ComplexArray = NDArray[np.complex128]
 NO_FAILURE = -1
 MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # shaft rotation per time step, rad
 
-compiler = Compiler(condensed, film_kernels, forces, state, modal_system)
+compiler = Compiler(condensed, film_kernels, modal_system)
 
 
 @compiler.inlined

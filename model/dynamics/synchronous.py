@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from model.dynamics.condensed import bearing_force_derivatives, bearing_forces
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
-from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
-from model.dynamics.whirl import FilmName, Whirl, inner_shares
+from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, inner_shares, synchronous_orbit
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive

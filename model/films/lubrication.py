@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from model.errors import ParameterError
-from model.films.equilibrium import FilmEquilibrium, film_equilibrium, just_complete_film
+from model.films.long_film import FilmEquilibrium, film_equilibrium, just_complete_film
 from model.rotor.parameters import GRAVITY, FloatingRing
 from model.rotor.rotor import require_positive
 

@@ -1,4 +1,4 @@
-"""Prediction map: predicted vibration at the probes over speed, computed once and then interpolated.
+"""Predicted vibration at the probes: a map over speed, computed once and interpolated, and refinement at one speed.
 
 Predictions have the same form as measurements: order spectrum, vectors, whirl component, orbit.
 """
@@ -6,7 +6,7 @@ Predictions have the same form as measurements: order spectrum, vectors, whirl c
 import hashlib
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
@@ -21,21 +21,65 @@ from analysis.whirl.components import find_whirl, noise_floor
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
 from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.errors import NoSolutionError, ParameterError
-from model.prediction.prediction import Prediction
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-
 MODEL_VERSION = 4  # increase with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: noise of rounding and incomplete settling between the lines
 SETTLING_TURNS = 200  # to settle at the lowest speed
 CHECK_TURNS = 32  # turns between two checks whether the motion has settled
-MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # checks at a speed
 SETTLED_CHANGE = 0.01  # relative change of peak-to-peak below which the motion has settled
 DISTURBANCE = 0.1  # of the inner clearance: size of the disturbance of an unstable motion
+FIRST_TURNS = 6  # before the first prediction: 1X is then within 1 %, mostly 0.1 %, of its final value
+REFINEMENT_TURNS = 64  # between predictions: a whirl changes over hundreds of turns
+MAX_REFINEMENTS = 12
+REFINED_CHANGE = 1e-3  # relative change of peak-to-peak below which the motion has settled
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """Predicted steady-state vibration at the probes.
+
+    Parameters
+    ----------
+    speed : float
+        Shaft speed, rad/s.
+    orders : ndarray of float64, shape (n_orders,)
+        Order axis, from 0.
+    spectrum : ndarray of float64, shape (2, n_orders)
+        Order spectrum at the probes x and y with the window of the settings, m peak.
+    vectors : ndarray of complex128, shape (2, 2)
+        ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, m peak, x(t) = Re[X exp(i k theta)].
+    whirl_order : float
+        Order of the strongest sub-synchronous component; NaN without one.
+    whirl_amplitude : float
+        Semi-major axis of this component, m peak; 0 without one.
+    peak_to_peak : ndarray of float64, shape (2,)
+        Overall vibration at the probes, m peak-to-peak.
+    orbit : ndarray of float64, shape (2, n_points)
+        Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
+    growth_rate : float
+        Growth rate of the least stable whirl of the synchronous motion, 1/s; positive if unstable.
+    is_exact : bool
+        Whether it was integrated at this speed; otherwise it is interpolated between two speeds of a map.
+    """
+
+    speed: float
+    orders: FloatArray
+    spectrum: FloatArray
+    vectors: ComplexArray
+    whirl_order: float
+    whirl_amplitude: float
+    peak_to_peak: FloatArray
+    orbit: FloatArray
+    growth_rate: float
+    is_exact: bool = False
+
+
+MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # checks at a speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -298,3 +342,71 @@ def analyse_motion(
         growth_rate=growth_rate,
         is_exact=True,
     )
+
+
+def predict(
+    parameters: ModelParameters, speed: float, prediction_map: PredictionMap, settings: AnalysisSettings
+) -> Prediction:
+    """Return the prediction at a speed by integration, not interpolation: the first one of `refine`.
+
+    Parameters
+    ----------
+    parameters : ModelParameters
+        The rotor.
+    speed : float
+        rad/s, within the map.
+    prediction_map : PredictionMap
+        Prediction map of the same rotor.
+    settings : AnalysisSettings
+        Analysis settings of the measurement.
+
+    Returns
+    -------
+    Prediction
+        The growth rate is that of the map.
+
+    Raises
+    ------
+    ParameterError
+        If the speed is outside the map.
+    WallContactError
+        If the motion reaches a wall.
+    """
+    return next(refine(parameters, speed, prediction_map, settings))
+
+
+def refine(
+    parameters: ModelParameters, speed: float, prediction_map: PredictionMap, settings: AnalysisSettings
+) -> Iterator[Prediction]:
+    """Yield predictions at a speed, the first after a few turns, then refined until the motion has settled.
+
+    Parameters, units and errors are those of `predict`. The caller may stop after any prediction.
+    """
+    interpolated = prediction_map.at(speed)
+    motion = ShaftMotion(parameters, speed, 0)
+    motion.resume(*_start(prediction_map, speed, is_whirl_due=interpolated.growth_rate > 0))
+    motion.integrate_turns(FIRST_TURNS)
+    size = 0.0
+    for _ in range(MAX_REFINEMENTS):
+        prediction = analyse_motion(motion, parameters, settings, interpolated.growth_rate)
+        yield prediction
+        last, size = size, float(prediction.peak_to_peak.max())
+        if abs(size - last) < REFINED_CHANGE * size:
+            return
+        motion.integrate_turns(REFINEMENT_TURNS)
+
+
+def _start(prediction_map: PredictionMap, speed: float, *, is_whirl_due: bool) -> tuple[ComplexArray, float]:
+    """Return the start state and its speed, rad/s: interpolated without whirl, else the state of a neighbour.
+
+    Of the two neighbours, the nearest is taken unless only the other one whirls, or does not, as expected.
+    """
+    speeds, states = prediction_map.speeds, prediction_map.states
+    above = max(int(np.searchsorted(speeds, speed)), 1)
+    part = (speed - speeds[above - 1]) / (speeds[above] - speeds[above - 1])
+    near, far = (above, above - 1) if part > 0.5 else (above - 1, above)
+    near_whirls, far_whirls = (bool(np.isfinite(prediction_map.whirl_order[index])) for index in (near, far))
+    if not near_whirls and not far_whirls:
+        return np.asarray((1 - part) * states[above - 1] + part * states[above]), speed
+    start = far if near_whirls != is_whirl_due and far_whirls == is_whirl_due else near
+    return states[start], float(speeds[start])

@@ -6,8 +6,7 @@ from enum import StrEnum
 
 from model.errors import ParameterError
 from model.rotor.rotor import Rotor, require_positive
-from model.rotor.rub import Rub
-from model.rotor.supports import StaticLoad, Support
+from model.rotor.supports import Rub, StaticLoad, Support
 
 GRAVITY = 9.80665  # m/s²
 

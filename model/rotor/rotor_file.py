@@ -9,8 +9,7 @@ from typing import TypeVar
 from model.errors import ParameterError
 from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
-from model.rotor.rub import Rub
-from model.rotor.supports import StaticLoad, Support, SupportCoefficients
+from model.rotor.supports import Rub, StaticLoad, Support, SupportCoefficients
 from model.rotor.tables import Table, TableError
 
 T = TypeVar("T")

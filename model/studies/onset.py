@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import RPM
-from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
+from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, dominant_film, synchronous_orbit
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
-from model.dynamics.whirl import FilmName, Whirl, dominant_film
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
@@ -52,7 +51,7 @@ class Stability:
     ----------
     speeds, growth_rates, orders, inner_shares : ndarray of float64, shape (n,)
         Speeds, rad/s; growth rate, 1/s, order and inner share of the least stable whirl
-        (`model.dynamics.whirl.Whirl`); NaN where no synchronous motion was found.
+        (`model.dynamics.stability.Whirl`); NaN where no synchronous motion was found.
     film_growth_rates : mapping of FilmName to ndarray of float64, shape (n,)
         Growth rate of the least stable whirl of each film, 1/s.
     bands : tuple of UnstableBand

@@ -8,28 +8,33 @@ from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_spectrum
-from model.dynamics.whirl import FilmName
+from model.dynamics.stability import FilmName
 from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
 from model.studies.linear_studies import SPEED_LABEL
-from model.studies.stepped_motion import MAX_GROWTH_TURNS, STEPS_PER_TURN, WINDOW_HALF_WIDTH, SteppedMotion
+from model.studies.motion import (
+    MAX_GROWTH_TURNS,
+    MIN_AMPLITUDE,
+    STEPS_PER_TURN,
+    WHIRL_ORDER_RANGE,
+    WINDOW_HALF_WIDTH,
+    SteppedMotion,
+)
 from model.studies.study import Plot, Series, Study, Style, Surface
 
 FloatArray = NDArray[np.float64]
 
-WHIRL_ORDER_RANGE = (0.05, 0.95)  # orders searched for whirl, reduced by the width of the window about 0X and 1X
 MAX_COMBINATION_ORDER = 5  # largest integer factor in combinations of a whirl with 1X
 MAX_COMBINATION_OFFSET = 0.5  # lines between a peak and the order of a combination
 MAX_COMBINATION_SIZE = 0.25  # relative to the whirl in its film: a larger component is no combination
 VISIBLE_RATIO = 0.1  # of 1X: larger components are visible
-MIN_AMPLITUDE = 0.2e-6  # m peak: smaller components are ignored
 ORBIT_TURNS = 12  # stored
 AMPLITUDE_FLOOR = 1e-2  # µm peak, lower limit of the colour scale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Perturbation:
-    """Perturbation of the unstable motions of a run-up; see `model.studies.stepped_motion`.
+    """Perturbation of the unstable motions of a run-up; see `model.studies.motion`.
 
     Parameters
     ----------
@@ -65,7 +70,7 @@ class RunUp:
     orbit : ndarray of float64, shape (n, 2, n_points)
         X and Y over the last turns, m.
     films : ndarray of float64, shape (n, 2, n_orders)
-        Spectra of the eccentricity ratios of inner and outer films (`model.studies.stepped_motion.RecordedTurns`).
+        Spectra of the eccentricity ratios of inner and outer films (`model.studies.motion.RecordedTurns`).
     perturbation : Perturbation, optional
         Perturbation of unstable motions; None where not perturbed.
 

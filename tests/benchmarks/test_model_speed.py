@@ -22,11 +22,11 @@ from model.dynamics.motion import ShaftMotion
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
 from model.linear.campbell import campbell
 from model.linear.linear_system import linear_system
-from model.prediction.live_prediction import predict
 from model.prediction.prediction_map import (
     PredictionMap,
     compute_prediction_map,
     default_map_speeds,
+    predict,
     prediction_map_key,
 )
 from model.rotor.gj90c import gj90c

@@ -30,7 +30,7 @@ WHOLE_START = """
     import numpy as np
     from analysis.signals.header import AnalysisSettings
     from model.rotor.gj90c import gj90c
-    from model.prediction.live_prediction import refine
+    from model.prediction.prediction_map import refine
     from model.prediction.prediction_map import compute_prediction_map
     from model.dynamics.synchronous import synchronous_response
     synchronous_response(gj90c(), 1000.0)

@@ -12,8 +12,7 @@ import pytest
 from scipy.optimize import brentq
 
 from model.films.film import Film
-from model.films.finite_film import Groove, solve_reynolds
-from model.films.grid import Grid
+from model.films.finite_film import Grid, Groove, solve_reynolds
 from model.films.long_film import ruptured_film
 
 # length over diameter: eccentricity ratio: Sommerfeld number mu N L D / W (R / C)², attitude in degrees

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.signals.units import MICROMETRE
 from daq.cli.model.report import Part, count_reproduced, report_html
-from model.dynamics.whirl import FilmName
+from model.dynamics.stability import FilmName
 from model.studies.onset import stability
 from model.studies.run_up import RunUp, run_up
 from model.studies.study import Plot, Surface

@@ -20,7 +20,7 @@ from daq.cli.model.output import add_output, check_output, show_study
 from daq.cli.model.sweep import add_sweep
 from daq.cli.model.thesis import add_thesis
 from daq.errors import UsageError
-from model.films.grid import Grid
+from model.films.finite_film import Grid
 from model.films.lubrication import Lubrication, nominal_lubrication, thesis_like_lubrication
 from model.rotor.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
@@ -30,12 +30,11 @@ from model.studies.linear_studies import (
     campbell_study,
     critical_study,
     modes_study,
+    response_study,
 )
-from model.studies.motion import MotionTable, motion_study
+from model.studies.motion import DEFAULT_PERTURBATION, MotionTable, motion_study
 from model.studies.onset import onset_study
-from model.studies.response import response_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
-from model.studies.stepped_motion import DEFAULT_PERTURBATION
 from model.studies.study import Study
 
 AddParser = Callable[[str, str], argparse.ArgumentParser]

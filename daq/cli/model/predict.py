@@ -16,9 +16,7 @@ from daq.errors import RigError, UsageError
 from daq.schemas.live import predicted_vibration_schema
 from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
 from model.errors import ModelError
-from model.prediction.live_prediction import refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap
+from model.prediction.prediction_map import Prediction, PredictionMap, refine
 
 _SPEED_STEP = 1000 * RPM  # rad/s between the rows of the table
 

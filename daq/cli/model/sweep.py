@@ -15,8 +15,7 @@ from daq.session.sweep.run import grid, run_sweep
 from daq.session.sweep.workers import DaskWorkers, LocalWorkers
 from model.rotor.tables import UNIT_LABELS
 from model.studies.study import Plot, Series, Study, Style
-from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
-from model.studies.varied_parameters import PARAMETER_SETTERS
+from model.studies.sweep_quantities import PARAMETER_SETTERS, QUANTITIES, SweepPoint, SweepResult
 
 MAX_TABLE_ROWS = 40  # printed
 MAX_CURVES = 12  # in a plot; more are drawn as points

@@ -22,9 +22,8 @@ from daq.service.jobs.execution import write_json
 from daq.service.jobs.queue import Progress, ReportProgress, Task
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.studies.linear_studies import campbell_stiffness, campbell_study, critical_study, modes_study
+from model.studies.linear_studies import campbell_stiffness, campbell_study, critical_study, modes_study, response_study
 from model.studies.onset import onset_study
-from model.studies.response import response_study
 from model.studies.study import Study
 
 FloatArray = NDArray[np.float64]

@@ -23,8 +23,8 @@ from daq.session.prediction.map_cache import cache_folder, load_or_compute_map, 
 from daq.session.prediction.refiner import Refiner
 from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 from model.errors import ModelError
-from model.prediction.prediction import Prediction
 from model.prediction.prediction_map import (
+    Prediction,
     PredictionMap,
     compute_prediction_map,
     default_map_speeds,

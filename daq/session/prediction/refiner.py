@@ -9,9 +9,7 @@ from multiprocessing.process import BaseProcess
 from analysis.signals.header import AnalysisSettings
 from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
 from model.errors import ModelError
-from model.prediction.live_prediction import refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap
+from model.prediction.prediction_map import Prediction, PredictionMap, refine
 from model.rotor.parameters import ModelParameters
 
 STEADY_TOLERANCE = 2e-3  # relative change of a steady speed between calls; cold air is steady to 0.2 % RMS

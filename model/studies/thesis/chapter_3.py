@@ -14,6 +14,7 @@ from model.studies.thesis.chapter_3_cases import (
     CalibratedChapter,
     Case,
     calibrated_chapter,
+    chapter_3_figures,
     inner_attitude,
     inner_rupture,
     mean_flow,
@@ -21,7 +22,6 @@ from model.studies.thesis.chapter_3_cases import (
     outer_eccentricity,
     outer_rupture,
 )
-from model.studies.thesis.chapter_3_figures import chapter_3_figures
 from model.studies.thesis.report import Chapter, Comparison, Relation
 
 FloatArray = NDArray[np.float64]

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
-from model.dynamics.whirl import FilmName
+from model.dynamics.stability import FilmName
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
+from model.studies.motion import DEFAULT_PERTURBATION, MIN_AMPLITUDE
 from model.studies.onset import Stability, stability
-from model.studies.run_up import MIN_AMPLITUDE, RunUp, bifurcation_plot, run_up, waterfall_surface
-from model.studies.stepped_motion import DEFAULT_PERTURBATION
+from model.studies.run_up import RunUp, bifurcation_plot, run_up, waterfall_surface
 from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_6_spectra import Component, Spectrum
 from model.studies.thesis.report import Comparison

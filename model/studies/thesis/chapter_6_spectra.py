@@ -7,8 +7,9 @@ from enum import Enum
 import numpy as np
 
 from analysis.signals.units import MICROMETRE
-from model.dynamics.whirl import FilmName
-from model.studies.run_up import MIN_AMPLITUDE, VISIBLE_RATIO, RunUp
+from model.dynamics.stability import FilmName
+from model.studies.motion import MIN_AMPLITUDE
+from model.studies.run_up import VISIBLE_RATIO, RunUp
 from model.studies.study import Plot, Series, Style
 
 

@@ -25,7 +25,7 @@ from analysis.signals.header import (
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from analysis.signals.units import RPM
 from daq.session.live_update import LiveUpdate, RunState, Status
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 
 RATE = 100_000.0
 LOW, HIGH = 1_000.0 * RPM, 15_600.0 * RPM

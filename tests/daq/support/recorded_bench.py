@@ -22,7 +22,7 @@ from daq.session.prediction.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from model.errors import ParameterError
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.markers import MarkerKind
 from recordings.mcap.writer import write_run

@@ -12,7 +12,7 @@ from daq.config.rig import Rig
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
-from model.prediction.prediction import Prediction
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.reader import RunReader
 
 RUN = "2026-11-24T09-12-07-test-rig"

@@ -19,9 +19,8 @@ from model.linear.response import imbalance_response, static_deflection
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.rotor import Disc, Rotor, Segment
-from model.rotor.rub import Rub
-from model.rotor.supports import StaticLoad, Support, SupportCoefficients
-from model.studies.varied_parameters import with_values
+from model.rotor.supports import Rub, StaticLoad, Support, SupportCoefficients
+from model.studies.sweep_quantities import with_values
 from tests.model.dynamics.equations import at_rest, constrained_rates
 
 FloatArray = NDArray[np.float64]

@@ -11,15 +11,14 @@ import pytest
 from numpy.typing import NDArray
 
 import model.dynamics.condensed as condensed_module
-import model.dynamics.forces as forces_module
+import model.dynamics.condensed as forces_module
 import model.dynamics.newmark as kernel_module
 import model.films.film_kernels as film_module
 from model.compiling import Compiler
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.rotor.parameters import ModelParameters
-from model.rotor.rub import Rub
-from model.rotor.supports import Support, SupportCoefficients
+from model.rotor.supports import Rub, Support, SupportCoefficients
 
 ROOT = Path(__file__).parents[3]
 

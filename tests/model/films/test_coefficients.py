@@ -12,7 +12,9 @@ from model.errors import EquilibriumError
 from model.films.coefficients import (
     LinearCoefficients,
     differentiated_coefficients,
+    finite_film_equilibrium,
     floating_ring_coefficients,
+    perturbed_coefficients,
     series_impedance,
     short_film_attitude,
     short_film_coefficients,
@@ -20,10 +22,8 @@ from model.films.coefficients import (
     short_film_ratios,
 )
 from model.films.film import Film, bearing_films
-from model.films.finite_film import pressure_unit, slenderness, solve_reynolds
-from model.films.grid import Flow, Grid
+from model.films.finite_film import Flow, Grid, pressure_unit, slenderness, solve_reynolds
 from model.films.lubrication import table_3_1
-from model.films.perturbation import finite_film_equilibrium, perturbed_coefficients
 from model.films.short_film import CaponeForm
 from model.rotor.parameters import FilmModel
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from model.films.film import Film
-from model.films.finite_film import Groove, pressure_unit, slenderness, solve_reynolds, thickness
-from model.films.grid import Flow, Grid
+from model.films.finite_film import Flow, Grid, Groove, pressure_unit, slenderness, solve_reynolds, thickness
 from model.films.long_film import bearing_angle, ruptured_film
 
 SPEED = 1000.0

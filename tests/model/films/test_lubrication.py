@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.errors import EquilibriumError
-from model.films.equilibrium import film_equilibrium
+from model.films.long_film import film_equilibrium
 from model.films.lubrication import Lubrication, nominal_lubrication, table_3_1, thesis_like_lubrication
 
 STEP = math.radians(0.5)

@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 
 from model.linear.campbell import campbell, modal_assurance
-from model.linear.critical_speeds import critical_speed_map, system_critical_speeds
 from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
-from model.linear.modes import critical_speeds, natural_frequencies
+from model.linear.modes import critical_speed_map, critical_speeds, natural_frequencies, system_critical_speeds
 from model.linear.response import imbalance_response, static_deflection
 from model.rotor.gj90c import gj90c_rotor
 from model.rotor.parameters import Imbalance

@@ -4,8 +4,7 @@ import pytest
 from analysis.signals.header import AnalysisSettings
 from model.dynamics.motion import ShaftMotion
 from model.prediction.comparison import instability_onset
-from model.prediction.live_prediction import predict, refine
-from model.prediction.prediction_map import PredictionMap, analyse_motion, compute_prediction_map
+from model.prediction.prediction_map import PredictionMap, analyse_motion, compute_prediction_map, predict, refine
 from model.rotor.gj90c import gj90c
 
 SETTINGS = AnalysisSettings()

@@ -9,8 +9,7 @@ from model.rotor.gj90c import gj90c
 from model.rotor.parameters import FilmModel
 from model.rotor.rotor import Beam, ShaftMass
 from model.rotor.rotor_file import parse_rotor
-from model.rotor.rub import Rub
-from model.rotor.supports import StaticLoad, Support, SupportCoefficients
+from model.rotor.supports import Rub, StaticLoad, Support, SupportCoefficients
 from model.rotor.tables import TableError
 
 RUB = {"station": 2, "clearance_um": 50, "stiffness_n_m": 1e7}

@@ -9,15 +9,21 @@ import pytest
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_spectrum
 from model.dynamics.motion import ShaftMotion
-from model.dynamics.whirl import FilmName
+from model.dynamics.stability import FilmName
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.studies.motion import MotionTable, motion_study
+from model.studies.linear_studies import response_study
+from model.studies.motion import (
+    DEFAULT_PERTURBATION,
+    MAX_GROWTH_TURNS,
+    STEPS_PER_TURN,
+    MotionTable,
+    SteppedMotion,
+    motion_study,
+)
 from model.studies.onset import stability
-from model.studies.response import response_study
 from model.studies.run_up import bifurcation_study, run_up, waterfall_study
-from model.studies.stepped_motion import DEFAULT_PERTURBATION, MAX_GROWTH_TURNS, STEPS_PER_TURN, SteppedMotion
-from model.studies.varied_parameters import with_values
+from model.studies.sweep_quantities import with_values
 
 SPEEDS = np.arange(780.0, 881.0, 20.0)
 

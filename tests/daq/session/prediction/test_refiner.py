@@ -13,9 +13,7 @@ import pytest
 from analysis.signals.header import AnalysisSettings
 from daq.session.prediction.refiner import DISPLAY_TOLERANCE, RECOMPUTE_TOLERANCE, Refiner
 from model.errors import ModelError
-from model.prediction.live_prediction import predict, refine
-from model.prediction.prediction import Prediction
-from model.prediction.prediction_map import PredictionMap, compute_prediction_map
+from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, predict, refine
 from model.rotor.gj90c import gj90c
 from tests.daq.support.recording import wait_until
 

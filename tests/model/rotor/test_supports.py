@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from model.dynamics.forces import wall_force
+from model.dynamics.condensed import wall_force
 from model.films.lubrication import table_3_1
-from model.rotor.rub import Rub
+from model.rotor.supports import Rub
 
 RUB = Rub(station=1, clearance=100e-6, stiffness=1e7, radius=5e-3, friction=0.1)
 

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.films.coefficients import short_film_attitude, short_film_coefficients, short_film_load
-from model.films.comparison import compare_film_models, film_from_thickest
+from model.films.coefficients import (
+    finite_film_equilibrium,
+    short_film_attitude,
+    short_film_coefficients,
+    short_film_load,
+)
 from model.films.film import Film
-from model.films.grid import Grid
-from model.films.perturbation import finite_film_equilibrium
+from model.films.finite_film import Grid
 from model.rotor.parameters import FilmModel
+from model.studies.films import compare_film_models, film_from_thickest
 
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
 SPEED = 1000.0
