@@ -27,6 +27,9 @@ MIN_TURN_RATE = 1.0  # revolutions per second: no frame below 60 r/min
 FLOOR_LINES = 6  # lines on either side of an order, beyond the main lobe, for the noise floor, as in `order_track`
 SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a frame
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
+FIT_REVOLUTIONS = 8  # revolutions before a frame that the fit of its shaft angle includes
+MAX_TRACE_POINTS = 1000  # approximately
+_CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
 
 class OrderFrameBuilder:
@@ -188,11 +191,6 @@ def _floor_beside(spectrum: ComplexArray, revolutions: int, order: int, noise: f
     clear = np.abs((lines + revolutions // 2) % revolutions - revolutions // 2) > side
     lines = lines[clear & (lines > side) & (lines < spectrum.shape[1])]
     return quantile(np.abs(spectrum[:, lines]), 0.5) if lines.size else noise
-
-
-FIT_REVOLUTIONS = 8  # revolutions before a frame that the fit of its shaft angle includes
-MAX_TRACE_POINTS = 1000  # approximately
-_CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
 
 class Analyser:

@@ -13,6 +13,14 @@ MIN_FREEDOM = 1  # points more than coefficients: a polynomial through every poi
 GRID_POINTS = 1001
 ORDER_RANGE = (1, 7)
 DEFAULT_ORDER = 3
+EXTREME_PERCENTILES = (0.2, 99.8)  # samples outside are ignored
+MIN_SEPARATION = 0.1  # V
+MAX_BETWEEN = 0.2  # fraction of the samples in the middle half of the range; a sine has a third there
+MIN_SEPARATION_SIGMAS = 6.0  # times the scatter, of levels that are not noise
+MAD_TO_RMS = 1.4826  # of normal noise
+HYSTERESIS_FRACTION = 0.25  # of the separation: rejects noise, and switches in the steep middle of the edges
+HYSTERESIS_SIGMAS = 8.0  # times the scatter
+MAX_HYSTERESIS_FRACTION = 0.6  # of the separation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,16 +135,6 @@ def _require_rising(gaps: FloatArray, volts: FloatArray) -> None:
         f"{volts[first]:.3f} V at {one:g} µm, {volts[after]:.3f} V at {other:g} µm: expected a voltage that rises with "
         "the gap (wires exchanged, micrometer read the other way round, or a misread step?)"
     )
-
-
-EXTREME_PERCENTILES = (0.2, 99.8)  # samples outside are ignored
-MIN_SEPARATION = 0.1  # V
-MAX_BETWEEN = 0.2  # fraction of the samples in the middle half of the range; a sine has a third there
-MIN_SEPARATION_SIGMAS = 6.0  # times the scatter, of levels that are not noise
-MAD_TO_RMS = 1.4826  # of normal noise
-HYSTERESIS_FRACTION = 0.25  # of the separation: rejects noise, and switches in the steep middle of the edges
-HYSTERESIS_SIGMAS = 8.0  # times the scatter
-MAX_HYSTERESIS_FRACTION = 0.6  # of the separation
 
 
 @dataclass(frozen=True, slots=True)

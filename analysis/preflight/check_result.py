@@ -1,6 +1,6 @@
 """Result of a preflight check: verdict, measured value, limit and advice; and the configurable limits of the checks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from analysis.signals.units import MICROMETRE
@@ -53,49 +53,42 @@ class Finding(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Result of one preflight check.
+    """Result of one preflight check; passed unless `warn` or `fail` says otherwise.
 
     Parameters
     ----------
     name : str
         Checked quantity, as "probe x gap".
-    verdict : Verdict
-        Passed, warning or failed.
     value : str
         Measured value, with its unit.
     limit : str
         Expected value, with its unit.
-    advice : str
-        Meaning at the bench and what to do; empty for a passed check.
+    verdict : Verdict
+        Passed, warning or failed.
     finding : Finding or None
         Reason; None exactly where the check passed.
+    advice : str
+        Meaning at the bench and what to do; empty for a passed check.
     """
 
     name: str
-    verdict: Verdict
     value: str
     limit: str
-    advice: str = ""
+    verdict: Verdict = Verdict.GOOD
     finding: Finding | None = None
+    advice: str = ""
 
     def __post_init__(self) -> None:
         if (self.verdict is Verdict.GOOD) != (self.finding is None):
             raise ValueError(f"check {self.name!r}: {self.verdict} with {self.finding}, expected a finding unless good")
 
-    @classmethod
-    def passed(cls, name: str, value: str, limit: str) -> "Check":
-        """Return a passed check."""
-        return cls(name, Verdict.GOOD, value, limit)
+    def warn(self, finding: Finding, advice: str) -> "Check":
+        """Return the check with a warning."""
+        return replace(self, verdict=Verdict.WARN, finding=finding, advice=advice)
 
-    @classmethod
-    def warned(cls, name: str, finding: Finding, value: str, limit: str, advice: str) -> "Check":
-        """Return a check with a warning."""
-        return cls(name, Verdict.WARN, value, limit, advice, finding)
-
-    @classmethod
-    def failed(cls, name: str, finding: Finding, value: str, limit: str, advice: str) -> "Check":
-        """Return a failed check, which blocks a run."""
-        return cls(name, Verdict.FAIL, value, limit, advice, finding)
+    def fail(self, finding: Finding, advice: str) -> "Check":
+        """Return the check as failed, which blocks a run."""
+        return replace(self, verdict=Verdict.FAIL, finding=finding, advice=advice)
 
 
 def worst_verdict(checks: tuple[Check, ...]) -> Verdict:

@@ -18,6 +18,7 @@ MIN_NOISE_MARGIN = 6.0  # times the scatter, from a level to its switching level
 HYSTERESIS_RANGE = (0.1, 0.5)  # of the swing: below, noisy slow edges count twice; above, a weak pulse is missed
 WARNING_FRACTION = 0.9  # of the speed limit, for a warning
 MAX_RANGE_FRACTION = 0.98  # of the card's range, of a level
+MIN_WRONG_EDGE_OFFSET = 0.02  # of the period: then the counter times the other edge of the mark, or another signal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,131 +120,144 @@ def speed_limit_check(tacho: Tacho, speed: float) -> Check:
     shorter = min(tacho.mark_fraction, 1.0 - tacho.mark_fraction)
     name, value = "tacho speed limit", f"{speed / RPM:,.0f} r/min planned"
     if tacho.response_time == 0.0:
-        return Check.passed(name, value, "none: response_time_s = 0")
+        return Check(name, value, "none: response_time_s = 0")
     highest = 2.0 * np.pi * shorter / tacho.response_time / tacho.pulses_per_revolution
     limit = f"{highest / RPM:,.0f} r/min"
+    check = Check(name, value, limit)
     mark = (
         f"a mark over {100 * tacho.mark_fraction:.0f} % of a revolution and a response time of "
         f"{tacho.response_time / MILLISECOND:g} ms"
     )
     if speed > highest:
-        advice = (
+        return check.fail(
+            Finding.SPEED,
             f"with {mark} pulses are missed unnoticed above {limit}: paint half of the circumference, or use a faster "
-            "sensor"
+            "sensor",
         )
-        return Check.failed(name, Finding.SPEED, value, limit, advice)
     if speed > WARNING_FRACTION * highest:
-        advice = f"with {mark} the sensor misses pulses just above this speed: watch for a speed that halves"
-        return Check.warned(name, Finding.SPEED, value, limit, advice)
-    return Check.passed(name, value, limit)
+        return check.warn(
+            Finding.SPEED, f"with {mark} the sensor misses pulses just above this speed: watch for a speed that halves"
+        )
+    return check
 
 
 def _one_level_check(signal: TachoSignal, *, motion: bool) -> Check:
     level = float(np.median(signal.volts))
     low, high = _switching(signal.tacho)
-    name, value, limit = "tacho levels", f"{level:.2f} V, no pulse", f"below {low:g} and above {high:g} V in turn"
+    check = Check("tacho levels", f"{level:.2f} V, no pulse", f"below {low:g} and above {high:g} V in turn")
     if motion:
-        advice = (
+        return check.fail(
+            Finding.SILENT,
             f"the probes measure a turning shaft, but the tacho stays at {level:.2f} V: unplugged, without supply, or "
-            "not aimed at the mark"
+            "not aimed at the mark",
         )
-        return Check.failed(name, Finding.SILENT, value, limit, advice)
     if low <= level <= high:
-        advice = f"the tacho stays at {level:.2f} V, between its switching levels: unplugged, or levels set wrong"
-        return Check.failed(name, Finding.LEVELS, value, limit, advice)
-    advice = (
+        return check.fail(
+            Finding.LEVELS,
+            f"the tacho stays at {level:.2f} V, between its switching levels: unplugged, or levels set wrong",
+        )
+    return check.warn(
+        Finding.STILL,
         "the shaft is at rest, so the mark and the direction of the orbit cannot be checked: turn the shaft by hand "
-        "and repeat the check"
+        "and repeat the check",
     )
-    return Check.warned(name, Finding.STILL, value, limit, advice)
 
 
 def _levels_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
-    name, limit = "tacho levels", f"below {low:g} and above {high:g} V in turn"
     value = f"{levels.low:.2f} and {levels.high:.2f} V"
+    check = Check("tacho levels", value, f"below {low:g} and above {high:g} V in turn")
     proposal = f"threshold_v = {levels.middle:.2g}, hysteresis_v = {levels.hysteresis:.2g}"
     if levels.low < low and levels.high > high:
         if (
             levels.high > MAX_RANGE_FRACTION * signal.channel.range_high
             or levels.low < MAX_RANGE_FRACTION * signal.channel.range_low
         ):
-            advice = f"the tacho reaches the range of {signal.channel.physical}: use a larger range_v, or a divider"
-            return Check.warned(name, Finding.CLIPPED, value, limit, advice)
-        return Check.passed(name, value, limit)
+            return check.warn(
+                Finding.CLIPPED,
+                f"the tacho reaches the range of {signal.channel.physical}: use a larger range_v, or a divider",
+            )
+        return check
     if -levels.high < low and -levels.low > high:
-        advice = (
+        return check.fail(
+            Finding.REVERSED,
             f"the tacho switches between {value}: the two wires at {signal.channel.physical} are exchanged, or the "
-            "sensor is wired to the wrong pole of its supply"
+            "sensor is wired to the wrong pole of its supply",
         )
-        return Check.failed(name, Finding.REVERSED, value, limit, advice)
-    advice = (
+    return check.fail(
+        Finding.LEVELS,
         f"the tacho switches between {value}, but its switching levels are {low:g} and {high:g} V: wrong divider or "
-        f"supply, or [tacho] should be {proposal} (rig calibrate tacho)"
+        f"supply, or [tacho] should be {proposal} (rig calibrate tacho)",
     )
-    return Check.failed(name, Finding.LEVELS, value, limit, advice)
 
 
 def _hysteresis_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     lowest, highest = HYSTERESIS_RANGE
     share = signal.tacho.hysteresis / levels.separation
-    name, value = "tacho hysteresis", f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing"
-    limit = f"{100 * lowest:.0f} to {100 * highest:.0f} % of {levels.separation:.2f} V"
+    check = Check(
+        "tacho hysteresis",
+        f"{signal.tacho.hysteresis:g} V, {100 * share:.0f} % of the swing",
+        f"{100 * lowest:.0f} to {100 * highest:.0f} % of {levels.separation:.2f} V",
+    )
     if lowest <= share <= highest:
-        return Check.passed(name, value, limit)
+        return check
     effect = "noise on a slow edge counts twice" if share < lowest else "a slightly weaker pulse is missed"
-    advice = f"{effect}: hysteresis_v = {levels.hysteresis:.2g} suits the tacho levels (rig calibrate tacho)"
-    return Check.warned(name, Finding.LEVELS, value, limit, advice)
+    return check.warn(
+        Finding.LEVELS, f"{effect}: hysteresis_v = {levels.hysteresis:.2g} suits the tacho levels (rig calibrate tacho)"
+    )
 
 
 def _noise_check(signal: TachoSignal, levels: SignalLevels) -> Check:
     low, high = _switching(signal.tacho)
     needed = MIN_NOISE_MARGIN * levels.scatter
     margin = min(low - levels.low, levels.high - high, signal.tacho.hysteresis)
-    name, value = "tacho noise", f"{levels.scatter / MILLIVOLT:.0f} mV rms"
     limit = f"{margin / MIN_NOISE_MARGIN / MILLIVOLT:.0f} mV rms"
+    check = Check("tacho noise", f"{levels.scatter / MILLIVOLT:.0f} mV rms", limit)
     if margin >= needed:
-        return Check.passed(name, value, limit)
-    advice = (
+        return check
+    return check.warn(
+        Finding.NOISE,
         f"noise can switch the tacho: threshold_v = {levels.middle:.2g}, hysteresis_v = {levels.hysteresis:.2g} suit "
-        "its levels; check its shield"
+        "its levels; check its shield",
     )
-    return Check.warned(name, Finding.NOISE, value, limit, advice)
 
 
 def _pulses_check(signal: TachoSignal, max_scatter: float) -> Check:
     name, limit = "tacho pulses", f"scatter below {100 * max_scatter:g} % of the period"
     if signal.edges.size < MIN_EDGES:
-        advice = "too few pulses for a speed: turn the shaft faster and repeat the check"
-        return Check.warned(name, Finding.STILL, f"{signal.edges.size} pulses", f"at least {MIN_EDGES}", advice)
+        return Check(name, f"{signal.edges.size} pulses", f"at least {MIN_EDGES}").warn(
+            Finding.STILL, "too few pulses for a speed: turn the shaft faster and repeat the check"
+        )
     speed, scatter = signal.speed / RPM, signal.scatter
     if np.isnan(scatter):
-        return Check.passed(name, f"{speed:,.0f} r/min", limit)
-    value = f"{speed:,.0f} r/min, scatter {100 * scatter:.2f} %"
+        return Check(name, f"{speed:,.0f} r/min", limit)
+    check = Check(name, f"{speed:,.0f} r/min, scatter {100 * scatter:.2f} %", limit)
     if scatter <= max_scatter:
-        return Check.passed(name, value, limit)
-    advice = "the pulses are uneven: wrong pulses_per_revolution, a dirty mark, or the sensor too far away"
-    return Check.warned(name, Finding.SCATTER, value, limit, advice)
+        return check
+    return check.warn(
+        Finding.SCATTER, "the pulses are uneven: wrong pulses_per_revolution, a dirty mark, or the sensor too far away"
+    )
 
 
 def _mark_check(signal: TachoSignal, levels: SignalLevels, tolerance: float) -> Check:
     configured, seen = signal.tacho.mark_fraction, levels.high_fraction
-    name, value = "tacho mark", f"light for {100 * seen:.0f} % of the time"
-    limit = f"{100 * configured:.0f} ± {100 * tolerance:.0f} %"
+    check = Check(
+        "tacho mark", f"light for {100 * seen:.0f} % of the time", f"{100 * configured:.0f} ± {100 * tolerance:.0f} %"
+    )
     whole_turns = signal.edges.size > 1 / tolerance  # else an incomplete revolution biases the duty cycle
     if abs(seen - configured) <= tolerance or not whole_turns:
-        return Check.passed(name, value, limit)
+        return check
     if abs(1.0 - seen - configured) <= tolerance:
         other = Edge.FALLING if signal.tacho.edge is Edge.RISING else Edge.RISING
-        advice = (
-            f"light and dark are exchanged (NPN for PNP, dark-on for light-on): edge = {other.value!r} may be correct"
+        return check.warn(
+            Finding.REVERSED,
+            f"light and dark are exchanged (NPN for PNP, dark-on for light-on): edge = {other.value!r} may be correct",
         )
-        return Check.warned(name, Finding.REVERSED, value, limit, advice)
-    advice = (
+    return check.warn(
+        Finding.DUTY,
         "the width of the mark differs from mark_fraction, or the sensitivity of the sensor is wrong: the speed limit "
-        "is wrong"
+        "is wrong",
     )
-    return Check.warned(name, Finding.DUTY, value, limit, advice)
 
 
 def _switching(tacho: Tacho) -> tuple[float, float]:
@@ -251,7 +265,6 @@ def _switching(tacho: Tacho) -> tuple[float, float]:
 
 
 # to compare
-MIN_WRONG_EDGE_OFFSET = 0.02  # of the period: then the counter times the other edge of the mark, or another signal
 
 
 def counter_check(acquisition: Acquisition, codes: CodeArray, ticks: IntArray | None) -> Check:
@@ -275,62 +288,72 @@ def counter_check(acquisition: Acquisition, codes: CodeArray, ticks: IntArray | 
     if counter is None:
         raise ValueError("acquisition: the tacho has no counter, expected one to check")
     if ticks is None:
-        advice = (
-            "the counter delivered no timestamps: speed uses the samples; see the driver's error at the end of a run"
+        return _bad(
+            counter,
+            Finding.SILENT,
+            "failed",
+            "the counter delivered no timestamps: speed uses the samples; see the driver's error at the end of a run",
         )
-        return _bad(counter, Finding.SILENT, "failed", advice)
     sampled, duration = tacho_edges(acquisition, codes), codes.shape[1] / acquisition.rate
     if sampled.size == 0:
-        advice = (
+        return Check("tacho counter", f"{ticks.size} timestamps", _limit(counter)).warn(
+            Finding.INCONCLUSIVE,
             "the samples contain no edge to compare the counter with: with the shaft at rest, turn it by hand and "
-            "repeat the check; else correct the tacho signal first"
+            "repeat the check; else correct the tacho signal first",
         )
-        return Check.warned("tacho counter", Finding.INCONCLUSIVE, f"{ticks.size} timestamps", _limit(counter), advice)
     comparison = CounterComparison(counter)
     comparison.advance(sampled, ticks / counter.timebase, duration - START_MARGIN + SETTLING_TIME)
     report = comparison.report(is_working=True)
     if report.compared + report.missing + report.extra < MIN_EDGES:
-        advice = "too few edges to compare counter and samples: turn the shaft by hand during the check"
-        return Check.warned("tacho counter", Finding.STILL, f"{ticks.size} timestamps", _limit(counter), advice)
+        return Check("tacho counter", f"{ticks.size} timestamps", _limit(counter)).warn(
+            Finding.STILL, "too few edges to compare counter and samples: turn the shaft by hand during the check"
+        )
     return _compared(counter, report, float(np.median(np.diff(sampled))) if sampled.size > 1 else np.nan)
 
 
 def _compared(counter: TachoCounter, report: CounterReport, period: float) -> Check:
     if report.state is CounterState.AGREES:
         value = f"{report.compared:,} edges, {report.largest_difference / MICROSECOND:.2f} µs at most"
-        return Check.passed("tacho counter", value, _limit(counter))
+        return Check("tacho counter", value, _limit(counter))
     value = f"{report.compared:,} matched, {report.missing:,} missing, {report.extra:,} extra"
     if report.compared == 0 and not report.extra:
-        advice = (
+        return _bad(
+            counter,
+            Finding.SILENT,
+            value,
             f"the tacho channel has edges, {counter.terminal} none: the tacho is not wired to it, or its levels do not "
-            "cross 0.8 and 2.2 V there"
+            "cross 0.8 and 2.2 V there",
         )
-        return _bad(counter, Finding.SILENT, value, advice)
     most_are_apart = (
         2 * report.out_of_tolerance > report.compared and report.largest_difference > MIN_WRONG_EDGE_OFFSET * period
     )
     if report.compared == 0 or most_are_apart:
-        advice = (
+        return _bad(
+            counter,
+            Finding.REVERSED,
+            value,
             f"the counter times other edges than the samples: check tacho.counter.edge and the wiring of "
-            f"{counter.terminal}"
+            f"{counter.terminal}",
         )
-        return _bad(counter, Finding.REVERSED, value, advice)
     if report.state is CounterState.COUNT_DIFFERS:
-        advice = (
+        return _bad(
+            counter,
+            Finding.COUNT,
+            value,
             f"edges are missed or doubled at {counter.terminal}, whose line has no adjustable hysteresis: check the "
-            "divider and the shield"
+            "divider and the shield",
         )
-        return _bad(counter, Finding.COUNT, value, advice)
-    advice = (
-        "slow edges pass the line's levels at another time than threshold_v: raise max_difference_us, or mend the edges"
+    return Check("tacho counter", report.message, _limit(counter)).warn(
+        Finding.SCATTER,
+        "slow edges pass the line's levels at another time than threshold_v: raise max_difference_us, or mend the "
+        "edges",
     )
-    return Check.warned("tacho counter", Finding.SCATTER, report.message, _limit(counter), advice)
 
 
 def _bad(counter: TachoCounter, finding: Finding, value: str, advice: str) -> Check:
     """Return a check that fails if the counter is the reference of speed and phase, and else warns."""
-    judged = Check.failed if counter.is_reference else Check.warned
-    return judged("tacho counter", finding, value, _limit(counter), advice)
+    check = Check("tacho counter", value, _limit(counter))
+    return check.fail(finding, advice) if counter.is_reference else check.warn(finding, advice)
 
 
 def _limit(counter: TachoCounter) -> str:

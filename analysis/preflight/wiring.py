@@ -21,6 +21,16 @@ MAX_OPEN_VOLTS = 0.3  # V: an open input, pulled to zero by its bias resistor
 MIN_OPEN_DURATION = 1e-3  # s: ten times a spark; a cable that moves loses contact for longer
 MIN_OPEN_SAMPLES = 8  # of an interval whose noise is compared
 MAX_CLIPPED_FRACTION = 1e-3  # of the samples; more is a voltage out of range, not a spark
+MAX_CORRELATION = 0.999  # of two separate signals, unless their means differ
+MAX_EQUAL_MEAN = 0.01  # V: a straight-line orbit is possible, but not two equal gaps
+MAX_NOISE_CORRELATION = 0.6  # of the noise of two conditioners, which is independent
+MIN_MOTION = 0.5 * MICROMETRE  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
+MAX_OPEN_FRACTION = 0.4  # of the time that a cable with intermittent contact is open; more is an open input
+MIN_PULSE_CORRELATION = 0.9  # with the tacho, of the same pulses on another input
+MAX_PULSE_SCATTER = 0.2  # relative, of the intervals between pulses of a turning shaft
+MAX_BACKWARD_RATIO = 3.0  # of the backward to the forward 1X circle of a light rotor on oil films
+MIN_CIRCLE = 0.05 * MICROMETRE  # m peak, of a circle whose direction is checked
+ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,55 +117,62 @@ def contact_check(probe: ProbeSignal, intervals: IntArray, rate: float) -> Check
     lengths = intervals[:, 1] - intervals[:, 0]
     value = f"{lengths.size} losses, {100 * lengths.sum() / probe.volts.size:.1f} % of the time"
     longest = 1e3 * lengths.max() / rate  # ms
-    advice = (
+    return Check(f"{probe.name} contact", value, "no loss").fail(
+        Finding.INTERMITTENT,
         f"{probe.name} loses contact for up to {longest:.0f} ms: loose connector or broken wire; check "
-        f"its cable and the terminals of {probe.channel.physical}, and read the voltage while you move the cable"
+        f"its cable and the terminals of {probe.channel.physical}, and read the voltage while you move the cable",
     )
-    return Check.failed(f"{probe.name} contact", Finding.INTERMITTENT, value, "no loss", advice)
 
 
 def gap_check(probe: ProbeSignal) -> Check:
     """Return the check that the probe is connected and its mean voltage within limits."""
     channel, mean = probe.channel, probe.mean
-    name = f"{probe.name} gap"
-    value, limit = f"{mean:.2f} V", f"{channel.gap_low:g} to {channel.gap_high:g} V"
+    check = Check(f"{probe.name} gap", f"{mean:.2f} V", f"{channel.gap_low:g} to {channel.gap_high:g} V")
     at_rails = float(np.mean((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
     if at_rails > MAX_CLIPPED_FRACTION:
-        advice = (
+        return check.fail(
+            Finding.CLIPPED,
             f"{probe.name} reads {mean:.2f} V, for {100 * at_rails:.0f} % of the time at the end of the range of "
-            f"{channel.physical}: gap too wide, or range_v too small for the conditioner"
+            f"{channel.physical}: gap too wide, or range_v too small for the conditioner",
         )
-        return Check.failed(name, Finding.CLIPPED, value, limit, advice)
     noise = float(np.std(probe.codes))
     if noise < MAX_CARD_NOISE and abs(mean) < MAX_OPEN_VOLTS:
-        advice = (
+        return check.fail(
+            Finding.OPEN,
             f"{probe.name} reads {mean:.2f} V without sensor noise: unplugged, or its conditioner has no supply; check "
-            f"the cable to {channel.physical}"
+            f"the cable to {channel.physical}",
         )
-        return Check.failed(name, Finding.OPEN, value, limit, advice)
     if noise < MAX_STUCK_NOISE:
-        advice = f"{probe.name} reads a constant {mean:.2f} V without noise: stuck, or not connected"
-        return Check.failed(name, Finding.OPEN, value, limit, advice)
+        return check.fail(
+            Finding.OPEN, f"{probe.name} reads a constant {mean:.2f} V without noise: stuck, or not connected"
+        )
     if channel.gap_low <= mean <= channel.gap_high:
-        return Check.passed(name, value, limit)
+        return check
     if channel.gap_low <= -mean <= channel.gap_high:
-        advice = f"{probe.name} reads {mean:.2f} V: the two wires at {channel.physical} are exchanged"
-        return Check.failed(name, Finding.REVERSED, value, limit, advice)
+        return check.fail(
+            Finding.REVERSED, f"{probe.name} reads {mean:.2f} V: the two wires at {channel.physical} are exchanged"
+        )
     if mean < channel.gap_low:
-        advice = f"{probe.name} reads {mean:.2f} V: gap closed, the tip touches or almost touches: retract the probe"
-        return Check.failed(name, Finding.GAP_CLOSED, value, limit, advice)
-    advice = f"{probe.name} reads {mean:.2f} V: gap too wide, the shaft is almost out of range: move the probe closer"
-    return Check.failed(name, Finding.GAP_WIDE, value, limit, advice)
+        return check.fail(
+            Finding.GAP_CLOSED,
+            f"{probe.name} reads {mean:.2f} V: gap closed, the tip touches or almost touches: retract the probe",
+        )
+    return check.fail(
+        Finding.GAP_WIDE,
+        f"{probe.name} reads {mean:.2f} V: gap too wide, the shaft is almost out of range: move the probe closer",
+    )
 
 
 def clipping_check(probe: ProbeSignal) -> Check:
     """Return the check that no sample reached the limits of the card's range."""
     rails = int(np.count_nonzero((probe.codes == CODE_MIN) | (probe.codes == CODE_MAX)))
-    name, value, limit = f"{probe.name} clipping", f"{rails:,} samples", "none"
+    check = Check(f"{probe.name} clipping", f"{rails:,} samples", "none")
     if rails == 0:
-        return Check.passed(name, value, limit)
-    advice = f"{probe.name} occasionally reaches the limit of the card's range: wrong gap, or a loose contact"
-    return Check.warned(name, Finding.CLIPPED, value, limit, advice)
+        return check
+    return check.warn(
+        Finding.CLIPPED,
+        f"{probe.name} occasionally reaches the limit of the card's range: wrong gap, or a loose contact",
+    )
 
 
 def calibrated_check(probe: ProbeSignal) -> Check:
@@ -163,13 +180,15 @@ def calibrated_check(probe: ProbeSignal) -> Check:
     calibration = _calibration(probe.channel)
     low, high = calibration.volts_low, calibration.volts_high
     beyond = int(np.count_nonzero((probe.volts < low) | (probe.volts > high)))
-    name, limit = f"{probe.name} calibrated span", f"{low:g} to {high:g} V"
     value = f"{probe.volts.min():.2f} to {probe.volts.max():.2f} V"
+    check = Check(f"{probe.name} calibrated span", value, f"{low:g} to {high:g} V")
     if beyond == 0:
-        return Check.passed(name, value, limit)
+        return check
     part = 100 * beyond / probe.volts.size
-    advice = f"{part:.1f} % of the samples of {probe.name} lie outside the calibrated range and are extrapolated"
-    return Check.warned(name, Finding.BEYOND_CALIBRATION, value, limit, advice)
+    return check.warn(
+        Finding.BEYOND_CALIBRATION,
+        f"{part:.1f} % of the samples of {probe.name} lie outside the calibrated range and are extrapolated",
+    )
 
 
 def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limits: WiringLimits) -> Check:
@@ -186,47 +205,35 @@ def hum_check(probe: ProbeSignal, slow: LowFrequencySignal, turning: float, limi
     limits : WiringLimits
         Amplitudes for a warning and a failure.
     """
-    name = f"{probe.name} mains hum"
     limit = f"{limits.hum_warn / MICROMETRE:g} µm peak at 50 or 60 Hz"
     line = slow.mains_line()
     value = f"{line.amplitude / MICROMETRE:.2f} µm at {line.frequency:.0f} Hz"
+    check = Check(f"{probe.name} mains hum", value, limit)
     if line.amplitude <= limits.hum_warn:
-        return Check.passed(name, value, limit)
+        return check
     if not line.is_separable:
-        advice = (
-            "the shaft turns at the mains frequency or a fraction of it: repeat the check at rest or at another speed"
+        return check.warn(
+            Finding.INCONCLUSIVE,
+            "the shaft turns at the mains frequency or a fraction of it: repeat the check at rest or at another speed",
         )
-        return Check.warned(name, Finding.INCONCLUSIVE, value, limit, advice)
     if line.frequency < turning:
-        advice = (
+        return check.warn(
+            Finding.HUM,
             f"{probe.name} shows mains hum, or the shaft whirls at that frequency: repeat the check at rest, then "
-            "check the shields"
+            "check the shields",
         )
-        return Check.warned(name, Finding.HUM, value, limit, advice)
-    advice = (
+    judge = check.fail if line.amplitude > limits.hum_fail else check.warn
+    return judge(
+        Finding.HUM,
         f"{probe.name} shows mains hum: earth its shield at one end only, look for a ground loop through the "
-        "conditioner's supply, keep the cable away from the inverter's"
+        "conditioner's supply, keep the cable away from the inverter's",
     )
-    make = Check.failed if line.amplitude > limits.hum_fail else Check.warned
-    return make(name, Finding.HUM, value, limit, advice)
 
 
 def _calibration(channel: Channel) -> Calibration:
     if channel.calibration is None:
         raise ValueError(f"channel {channel.name!r} has no calibration: it is not a probe")
     return channel.calibration
-
-
-MAX_CORRELATION = 0.999  # of two separate signals, unless their means differ
-MAX_EQUAL_MEAN = 0.01  # V: a straight-line orbit is possible, but not two equal gaps
-MAX_NOISE_CORRELATION = 0.6  # of the noise of two conditioners, which is independent
-MIN_MOTION = 0.5 * MICROMETRE  # m rms, of both probes between 2 and 1000 Hz, of a turning shaft
-MAX_OPEN_FRACTION = 0.4  # of the time that a cable with intermittent contact is open; more is an open input
-MIN_PULSE_CORRELATION = 0.9  # with the tacho, of the same pulses on another input
-MAX_PULSE_SCATTER = 0.2  # relative, of the intervals between pulses of a turning shaft
-MAX_BACKWARD_RATIO = 3.0  # of the backward to the forward 1X circle of a light rotor on oil films
-MIN_CIRCLE = 0.05 * MICROMETRE  # m peak, of a circle whose direction is checked
-ROLES = (Role.PROBE_X, Role.PROBE_Y)
 
 
 def wiring_checks(acquisition: Acquisition, codes: CodeArray, limits: WiringLimits | None = None) -> tuple[Check, ...]:
@@ -304,30 +311,32 @@ def _pulsing_check(probe: ProbeSignal, tacho: TachoSignal) -> Check:
     seen = "pulses" if levels is None else f"pulses, {levels.low:.2f} and {levels.high:.2f} V"
     own, other = probe.channel.physical, tacho.channel.physical
     if tacho.levels is None:
-        advice = f"{probe.name} has the tacho pulses, the tacho has none: the wires at {own} and {other} are exchanged"
-        return Check.failed(f"{probe.name} signal", Finding.TACHO_EXCHANGED, seen, "a probe's voltage", advice)
-    advice = f"{probe.name} and the tacho both have pulses: {own} and {other} touch, or one wire goes to both"
-    return Check.failed(f"{probe.name} signal", Finding.BRIDGED, seen, "a probe's voltage", advice)
+        return Check(f"{probe.name} signal", seen, "a probe's voltage").fail(
+            Finding.TACHO_EXCHANGED,
+            f"{probe.name} has the tacho pulses, the tacho has none: the wires at {own} and {other} are exchanged",
+        )
+    return Check(f"{probe.name} signal", seen, "a probe's voltage").fail(
+        Finding.BRIDGED,
+        f"{probe.name} and the tacho both have pulses: {own} and {other} touch, or one wire goes to both",
+    )
 
 
 def _separate_signals_check(first: ProbeSignal, second: ProbeSignal) -> Check:
-    whole, noise = (
-        _correlation(first.volts, second.volts),
-        _correlation(np.diff(first.volts, 2), np.diff(second.volts, 2)),
-    )
-    name = f"probes {first.channel.name} and {second.channel.name} apart"
-    value, limit = (
+    whole = _correlation(first.volts, second.volts)
+    noise = _correlation(np.diff(first.volts, 2), np.diff(second.volts, 2))
+    check = Check(
+        f"probes {first.channel.name} and {second.channel.name} apart",
         f"correlation {whole:.3f}, noise {noise:.2f}",
         f"below {MAX_CORRELATION:g}, noise {MAX_NOISE_CORRELATION:g}",
     )
     differ = whole < MAX_CORRELATION or abs(first.mean - second.mean) > MAX_EQUAL_MEAN
     if differ and noise < MAX_NOISE_CORRELATION:
-        return Check.passed(name, value, limit)
-    advice = (
+        return check
+    return check.fail(
+        Finding.BRIDGED,
         f"{first.name} and {second.name} have the same signal: {first.channel.physical} and "
-        f"{second.channel.physical} touch, one wire goes to both, or one is open and reads the charge of the other"
+        f"{second.channel.physical} touch, one wire goes to both, or one is open and reads the charge of the other",
     )
-    return Check.failed(name, Finding.BRIDGED, value, limit, advice)
 
 
 def _correlation(first: FloatArray, second: FloatArray) -> float:
@@ -340,16 +349,16 @@ def _correlation(first: FloatArray, second: FloatArray) -> float:
 def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) -> Check:
     """Return the check that 1X precesses forward, as run-out and unbalance do."""
     forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
-    name, limit = "1X direction", "forward"
     value = f"forward {forward / MICROMETRE:.2f}, backward {backward / MICROMETRE:.2f} µm peak"
+    check = Check("1X direction", value, "forward")
     if backward < MAX_BACKWARD_RATIO * forward or backward < MIN_CIRCLE:
-        return Check.passed(name, value, limit)
+        return check
     first, second = (probe.channel for probe in probes)
-    advice = (
+    return check.fail(
+        Finding.PROBES_EXCHANGED,
         f"the orbit precesses backward: probes {first.name} and {second.name} are exchanged (cables at "
-        f"{first.physical} and {second.physical}), or their angle_deg is wrong"
+        f"{first.physical} and {second.physical}), or their angle_deg is wrong",
     )
-    return Check.failed(name, Finding.PROBES_EXCHANGED, value, limit, advice)
 
 
 def _circles(channels: list[Channel], vectors: list[complex]) -> tuple[float, float]:

@@ -11,6 +11,10 @@ from analysis.signals import FloatArray
 
 HALF_BAND_REACH = 27  # samples on each side of the half-band filter, odd
 _HALF_BAND_BETA = 8.6  # of its Kaiser window: stop band 86 dB from 0.3 of the input rate
+HALF_WIDTH = 16  # samples used on each side
+_PHASES = 512  # rows of the kernel table between two samples
+_SINC_BETA = 7.7  # of the Kaiser window: error below 1e-3 up to 0.42 of the sample rate
+_BLOCK = 512  # positions whose weights and neighbours fit the cache of a core
 
 
 def _half_band() -> FloatArray:
@@ -96,11 +100,6 @@ class DecimationPyramid:
         return self._samples[level], self._first[level]
 
 
-HALF_WIDTH = 16  # samples used on each side
-_PHASES = 512  # rows of the kernel table between two samples
-_SINC_BETA = 7.7  # of the Kaiser window: error below 1e-3 up to 0.42 of the sample rate
-
-
 def _kernel_table() -> FloatArray:
     """Return the weights of the neighbours for the phases from 0 to 1, shape (_PHASES + 1, 2 * HALF_WIDTH)."""
     fraction = np.arange(_PHASES + 1)[:, None] / _PHASES
@@ -112,7 +111,6 @@ def _kernel_table() -> FloatArray:
 
 _TABLE = _kernel_table()
 _SLOPE = np.diff(_TABLE, axis=0)
-_BLOCK = 512  # positions whose weights and neighbours fit the cache of a core
 
 
 def interpolate(samples: FloatArray, positions: FloatArray) -> FloatArray:

@@ -14,6 +14,14 @@ from analysis.signals import CodeArray, IntArray
 from analysis.signals.header import Acquisition
 from analysis.signals.units import RPM
 
+PPM = 1e-6
+CONFIDENCE_SIGMAS = 2.0  # standard deviations
+GROUP_DURATION = 1.0  # s of samples averaged to one point, as delays within it are correlated
+MIN_GROUPS = 5
+MAX_CLOCK_ERROR = 0.01  # a larger error means that samples did not arrive in real time: simulation or replay
+MIN_REVERSAL = 100.0 * RPM  # rad/s: a smaller change back is speed fluctuation
+MIN_REVERSAL_FRACTION = 0.02  # of the speed, where that is more
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampleBlock:
@@ -142,13 +150,6 @@ class TimeInRun:
     segment: int
     time: float
     speed: float
-
-
-PPM = 1e-6
-CONFIDENCE_SIGMAS = 2.0  # standard deviations
-GROUP_DURATION = 1.0  # s of samples averaged to one point, as delays within it are correlated
-MIN_GROUPS = 5
-MAX_CLOCK_ERROR = 0.01  # a larger error means that samples did not arrive in real time: simulation or replay
 
 
 @dataclass(frozen=True, slots=True)
@@ -287,10 +288,6 @@ class DeliveryMonitor:
         buffer = self._acquisition.buffer_time
         backlog = None if buffer is None else self._backlog / self._acquisition.rate
         return DeliveryStatistics(self._clock.error(), backlog, buffer)
-
-
-MIN_REVERSAL = 100.0 * RPM  # rad/s: a smaller change back is speed fluctuation
-MIN_REVERSAL_FRACTION = 0.02  # of the speed, where that is more
 
 
 class RampDirection(StrEnum):

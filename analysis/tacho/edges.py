@@ -16,6 +16,10 @@ from analysis.signals.blocks import SampleBlock
 from analysis.signals.header import Acquisition, Edge, Role, Tacho, TachoCounter
 from analysis.signals.snapshot import RECENT_TIME, CounterReport
 
+SETTLING_TIME = 0.5  # s: edges are compared with this delay, so that late timestamps are included
+START_MARGIN = 5e-3  # s after the start of the waveform: an edge there may be incomplete
+MAX_TIMESTAMP_DELAY = 0.5  # s: after this time without a timestamp there was no edge
+
 
 class SchmittTrigger:
     """Schmitt trigger that finds the tacho edges of a waveform given in consecutive pieces.
@@ -93,10 +97,6 @@ class SchmittTrigger:
 def edge_detector(tacho: Tacho) -> SchmittTrigger:
     """Return a new detector of the edges in the waveform of a tacho, with the settings of the tacho."""
     return SchmittTrigger(tacho)
-
-
-SETTLING_TIME = 0.5  # s: edges are compared with this delay, so that late timestamps are included
-START_MARGIN = 5e-3  # s after the start of the waveform: an edge there may be incomplete
 
 
 class CounterComparison:
@@ -196,9 +196,6 @@ def _mutual(nearest: NDArray[np.intp], of_others: NDArray[np.intp]) -> BoolArray
     if of_others.size == 0:
         return np.zeros(nearest.size, dtype=np.bool_)
     return np.asarray(of_others[nearest] == np.arange(nearest.size))
-
-
-MAX_TIMESTAMP_DELAY = 0.5  # s: after this time without a timestamp there was no edge
 
 
 @dataclass(frozen=True, slots=True, eq=False)

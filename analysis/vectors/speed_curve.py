@@ -16,6 +16,7 @@ from analysis.vectors.order_track import OrderTrack
 MIN_REVERSAL_OF_SPAN = 0.02  # of the speed range: a smaller change does not reverse the ramp direction
 MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: likewise
 MIN_PEAK_RATIO = 1.1  # of a peak to the higher of the minima on its two sides
+BIN_WIDTH = 200.0 * RPM  # rad/s
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,9 +182,6 @@ def _resonance(speeds: FloatArray, amplitude: FloatArray, lag: FloatArray, at: i
     return Resonance(
         float(speeds[at]), float(amplitude[at]), float(speeds[at] / (second - first)), float(lag_second - lag_first)
     )
-
-
-BIN_WIDTH = 200.0 * RPM  # rad/s
 
 
 @dataclass(frozen=True, slots=True, eq=False)

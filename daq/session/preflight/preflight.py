@@ -143,7 +143,7 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
         if in_self_test:
             on_progress("self-test of the card")
             calibrated = self_test(rig.config.device)  # before the acquisition: a card cannot test itself during one
-            checks.append(Check.passed("self-test", "passed", "the card's own test"))
+            checks.append(Check("self-test", "passed", "the card's own test"))
             checks += self_calibration_checks(rig, calibrated, today)
             in_self_test = False
         acquisition, captured = _capture_from(rig, on_progress)

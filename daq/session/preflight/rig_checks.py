@@ -30,25 +30,25 @@ def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
     if device.simulated:
         simulator = "the rig file" if section.backend is Backend.SIMULATED else "the NI driver (NI MAX)"
         advice = f'{simulator} simulates the card: nothing is measured; backend = "nidaqmx" and a real card measure'
-        yield Check.warned("device", Finding.SIMULATED, f"{value}, simulated", section.product, advice)
+        yield Check("device", f"{value}, simulated", section.product).warn(Finding.SIMULATED, advice)
     else:
-        yield Check.passed("device", value, section.product)
+        yield Check("device", value, section.product)
     if section.backend is Backend.NIDAQMX:
         if section.serial:
-            yield Check.passed("device serial", device.serial, section.serial)
+            yield Check("device serial", device.serial, section.serial)
         else:
             advice = (
                 f"the card is known only as {section.name}, a name that moves with the USB port: enter "
                 f'serial = "{device.serial}" in [device]'
             )
-            yield Check.warned("device serial", Finding.SERIAL, device.serial, "a serial number in [device]", advice)
+            yield Check("device serial", device.serial, "a serial number in [device]").warn(Finding.SERIAL, advice)
     configured, actual = rig.config.timing.rate_hz, acquisition.rate
     value, limit = f"{actual:,.1f} Hz a channel", f"{configured:,.0f} Hz ± {100 * RATE_TOLERANCE:g} %"
     if abs(actual - configured) <= RATE_TOLERANCE * configured:
-        yield Check.passed("sample rate", value, limit)
+        yield Check("sample rate", value, limit)
     else:
         advice = f"the card divides its clock by whole numbers only: enter the actual rate, rate_hz = {actual:.6g}"
-        yield Check.warned("sample rate", Finding.RATE, value, limit, advice)
+        yield Check("sample rate", value, limit).warn(Finding.RATE, advice)
 
 
 def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
@@ -56,10 +56,10 @@ def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> C
     section = rig.config.device
     finding = _FINDINGS.get(error.fault)
     if finding is None and in_self_test:
-        return Check.failed("self-test", Finding.SELF_TEST, "failed", "the card's own test", str(error))
+        return Check("self-test", "failed", "the card's own test").fail(Finding.SELF_TEST, str(error))
     finding = finding or Finding.REFUSED
     which = f"serial number {section.serial}" if section.serial else section.name
-    return Check.failed("device", finding, finding.value, f"{section.product}, {which}", str(error))
+    return Check("device", finding.value, f"{section.product}, {which}").fail(finding, str(error))
 
 
 def self_calibration_checks(rig: Rig, calibrated: dt.date | None, today: dt.date) -> Iterator[Check]:
@@ -69,10 +69,10 @@ def self_calibration_checks(rig: Rig, calibrated: dt.date | None, today: dt.date
     age, max_age = (today - calibrated).days, rig.config.preflight.self_calibration_days
     name, value, limit = "card self-calibration", f"{calibrated}, {age} days old", f"{max_age} days"
     if age <= max_age:
-        yield Check.passed(name, value, limit)
+        yield Check(name, value, limit)
     else:
         advice = "run the self-calibration in NI MAX after 15 min of warm-up: the card's scaling drifts"
-        yield Check.warned(name, Finding.CALIBRATION, value, limit, advice)
+        yield Check(name, value, limit).warn(Finding.CALIBRATION, advice)
 
 
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:
@@ -96,21 +96,21 @@ def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted:
     value, limit = f"{count:,} samples a channel", f"{wanted:,} without a gap"
     name = "samples"
     if end is not None and in_order and end.is_gap_free and end.samples == count and count >= wanted:
-        yield Check.passed(name, value, limit)
+        yield Check(name, value, limit)
     else:
         reason = "" if end is None else f": {end.reason.value}" + (f", {end.detail}" if end.detail else "")
         advice = f"the card did not deliver a whole second{reason}; connect it to a USB port of its own, without a hub"
-        yield Check.failed(name, Finding.COUNT, value, limit, advice)
+        yield Check(name, value, limit).fail(Finding.COUNT, advice)
     if end is not None and end.is_gap_free and end.detail:
-        yield Check.warned("driver", Finding.DRIVER_WARNING, "warnings", "none", end.detail)
+        yield Check("driver", "warnings", "none").warn(Finding.DRIVER_WARNING, end.detail)
     backlog = max((block.backlog for block in blocks), default=0) / rig.config.timing.rate_hz
     limit_s = rig.config.timing.buffer_s / 4
     value, limit = f"{backlog:.2f} s", f"{limit_s:.2g} s, a quarter of buffer_s"
     if backlog <= limit_s:
-        yield Check.passed("backlog", value, limit)
+        yield Check("backlog", value, limit)
     else:
         advice = "this computer is too slow: close other programs, lower rate_hz, or raise buffer_s"
-        yield Check.warned("backlog", Finding.BACKLOG, value, limit, advice)
+        yield Check("backlog", value, limit).warn(Finding.BACKLOG, advice)
 
 
 def calibration_checks(rig: Rig, today: dt.date) -> Iterator[Check]:
@@ -140,11 +140,11 @@ def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Chec
     needed = 3600.0 * rig.config.preflight.disk_duration_h if duration is None else duration
     value, limit = _duration_text(lasts), _duration_text(needed)
     if lasts >= needed:
-        return Check.passed("disk", value, limit)
+        return Check("disk", value, limit)
     advice = "free disk space, or record elsewhere (storage.folder, RIG_DATA)"
     if duration is None and lasts > 0.0:
-        return Check.warned("disk", Finding.DISK, value, limit, advice)
-    return Check.failed("disk", Finding.DISK, value, limit, f"a full disk would end the run: {advice}")
+        return Check("disk", value, limit).warn(Finding.DISK, advice)
+    return Check("disk", value, limit).fail(Finding.DISK, f"a full disk would end the run: {advice}")
 
 
 def _duration_text(seconds: float) -> str:
@@ -161,9 +161,9 @@ def planned_speed_check(rig: Rig, speed: float) -> Check:
     limit_speed = rig.limits.speed
     value, limit = f"{speed / RPM:,.0f} r/min", f"{limit_speed / RPM:,.0f} r/min"
     if speed <= limit_speed * (1.0 + 1e-9):
-        return Check.passed("planned speed", value, limit)
+        return Check("planned speed", value, limit)
     advice = "the planned speed is above limits.speed_rpm, the maximum speed of the rig: plan a lower one"
-    return Check.failed("planned speed", Finding.SPEED, value, limit, advice)
+    return Check("planned speed", value, limit).fail(Finding.SPEED, advice)
 
 
 def _age_check(name: str, calibration: Calibration, today: dt.date, max_age: int) -> Check:
@@ -172,11 +172,11 @@ def _age_check(name: str, calibration: Calibration, today: dt.date, max_age: int
     value = f"{calibration.date}, {age} days old"
     if age < 0:
         advice = "the calibration date is in the future: the computer's date or the record's is wrong"
-        return Check.warned(label, Finding.CALIBRATION, f"{calibration.date}, today is {today}", limit, advice)
+        return Check(label, f"{calibration.date}, today is {today}", limit).warn(Finding.CALIBRATION, advice)
     if age <= max_age:
-        return Check.passed(label, value, limit)
+        return Check(label, value, limit)
     advice = f"calibrate the probe again: rig calibrate gap RIG.TOML {name}"
-    return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
+    return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
 
 
 def _residual_check(name: str, calibration: Calibration, fraction: float) -> Check:
@@ -189,12 +189,12 @@ def _residual_check(name: str, calibration: Calibration, fraction: float) -> Che
         f"{allowed / MICROMETRE:.1f} µm, {100 * fraction:g} % of the span",
     )
     if 0.0 < calibration.residual <= allowed:
-        return Check.passed(label, value, limit)
+        return Check(label, value, limit)
     if calibration.residual == 0.0:
         advice = "the record does not state the residual of its polynomial: rig calibrate gap stores it"
-        return Check.warned(label, Finding.CALIBRATION, "unknown", limit, advice)
+        return Check(label, "unknown", limit).warn(Finding.CALIBRATION, advice)
     advice = "the polynomial fits the points badly: use a higher order, or measure the points again"
-    return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
+    return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
 
 
 def _serials_check(rig: Rig) -> Check:
@@ -209,5 +209,5 @@ def _serials_check(rig: Rig) -> Check:
         if min(len(sensors), len(conditioners)) < len(serials):
             advice = "two probes cannot share a sensor or a conditioner: one of the records is the wrong file"
     if advice:
-        return Check.warned(label, Finding.CALIBRATION, value, limit, advice)
-    return Check.passed(label, value, limit)
+        return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
+    return Check(label, value, limit)

@@ -284,5 +284,5 @@ def test_samples_of_other_channels_are_refused() -> None:
 
 def test_check_has_a_finding_unless_it_passed() -> None:
     with pytest.raises(ValueError, match="expected a finding"):
-        Check("a", Verdict.WARN, "b", "c")
+        Check("a", "b", "c", Verdict.WARN)
     assert worst_verdict(()) is Verdict.GOOD
