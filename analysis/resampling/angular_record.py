@@ -87,6 +87,11 @@ class AngularRecord:
         """Mean speed of each revolution, rad/s, shape (n_revolutions,)."""
         return np.asarray(2.0 * np.pi / np.diff(self.times), dtype=np.float64)
 
+    def require(self, revolutions: int) -> None:
+        """Raise RecordTooShortError where the record has fewer revolutions."""
+        if self.revolutions < revolutions:
+            raise RecordTooShortError(f"{self.revolutions} revolutions in the record, expected at least {revolutions}")
+
     def with_waveform(self, waveform: FloatArray) -> "AngularRecord":
         """Return the record with another waveform of the same shape."""
         if waveform.shape != self.waveform.shape:
@@ -358,7 +363,6 @@ def synchronous_residual(record: AngularRecord, revolutions: int = 16) -> Angula
     """
     if revolutions < 2:
         raise ValueError(f"revolutions: {revolutions}, expected at least 2")
-    if record.revolutions < revolutions:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    record.require(revolutions)
     mean = uniform_filter1d(record.waveform, revolutions, axis=1, mode="nearest")
     return record.with_waveform(record.waveform - mean)

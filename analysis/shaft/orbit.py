@@ -9,7 +9,6 @@ import numpy as np
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals import BoolArray, FloatArray
-from analysis.signals.errors import RecordTooShortError
 from analysis.signals.probes import Ellipse
 from analysis.vectors.order_track import track_order
 
@@ -90,8 +89,7 @@ def orbit_without(
 def _last(record: AngularRecord, revolutions: int) -> FloatArray:
     if revolutions < 1:
         raise ValueError(f"revolutions: {revolutions}, expected at least 1")
-    if record.revolutions < revolutions:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
+    record.require(revolutions)
     return record.waveform[:, -revolutions:]
 
 
@@ -100,9 +98,7 @@ def _components(
 ) -> tuple[FloatArray, tuple[Ellipse, ...], float]:
     if not orders or revolutions < 1:
         raise ValueError(f"orders {orders}, revolutions {revolutions}: expected at least one of each")
-    if record.revolutions < max(averaging_revolutions, revolutions):
-        needed = max(averaging_revolutions, revolutions)
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {needed}")
+    record.require(max(averaging_revolutions, revolutions))
     used = record.section(record.revolutions - averaging_revolutions, record.revolutions)
     first = record.first_turn + record.revolutions - revolutions
     theta = 2.0 * np.pi * (first + np.arange(revolutions * record.points) / record.points)
@@ -216,9 +212,8 @@ def centreline(
             f"clearance {clearance} m, rest_displacement {rest_displacement.shape}, revolutions {revolutions}: "
             "expected above 0, (2,), at least 2"
         )
+    record.require(revolutions)
     count = record.revolutions // revolutions
-    if count == 0:
-        raise RecordTooShortError(f"{record.revolutions} revolutions in the record, expected at least {revolutions}")
     used = count * revolutions
     means = record.waveform[:, :used].mean(axis=2).reshape(2, count, revolutions)
     origin = np.array(rest_position if rest_position is not None else (0.0, -clearance))

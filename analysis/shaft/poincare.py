@@ -7,7 +7,6 @@ import numpy as np
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals import FloatArray
-from analysis.signals.errors import RecordTooShortError
 
 MIN_REVOLUTIONS = 48  # for a classification of the pattern
 MAX_PERIOD = 6  # revolutions
@@ -134,10 +133,7 @@ def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 6
     """
     if averaging_revolutions < 2:
         raise ValueError(f"averaged: {averaging_revolutions}, expected at least 2 revolutions")
-    if record.revolutions < averaging_revolutions:
-        raise RecordTooShortError(
-            f"{record.revolutions} revolutions in the record, expected at least {averaging_revolutions}"
-        )
+    record.require(averaging_revolutions)
     motion = record.pair.to_bench(record.waveform)
     middle = motion.mean(axis=2)
     smooth = np.stack([_running_mean(row, averaging_revolutions) for row in middle])

@@ -14,7 +14,6 @@ import numpy as np
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
-from analysis.signals.errors import RecordTooShortError
 from analysis.signals.probes import ProbePair
 from analysis.signals.uncertainty import mean_angle_sigma
 from analysis.spectra.windows import HANN, Window
@@ -47,10 +46,7 @@ class RevolutionFrames:
             raise ValueError(
                 f"revolutions {revolutions}, overlap {overlap}: expected at least 1, and a part from 0 to below 1"
             )
-        if record.revolutions < revolutions:
-            raise RecordTooShortError(
-                f"{record.revolutions} revolutions in the record, expected at least {revolutions}"
-            )
+        record.require(revolutions)
         self.revolutions = revolutions
         self._record = record
         self._noise_bandwidth = window.noise_bandwidth

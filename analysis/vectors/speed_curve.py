@@ -249,39 +249,27 @@ class _Bin:
     overall: FloatArray = field(default_factory=lambda: np.zeros(2))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
 
-    def add_frame(self, frame: OrderFrame) -> None:
-        self.frames += 1
-        self.speed += frame.speed
-        self.vectors += frame.vectors
-        self.squares += np.abs(frame.vectors) ** 2
-        self.noise += frame.noise
-        if frame.compensated is not None:
-            self.compensated += frame.compensated
-            self.compensated_frames += 1
-        if frame.whirl is not None:
-            self._whirl(frame.whirl.amplitude, frame.whirl.order)
-
-    def add_peak_to_peak(self, overall: FloatArray) -> None:
-        self.overalls += 1
-        self.overall += overall
-        self.largest = np.maximum(self.largest, overall)
+    @classmethod
+    def of_frame(cls, frame: OrderFrame) -> "_Bin":
+        whirl, compensated = frame.whirl, frame.compensated
+        return cls(
+            frames=1,
+            speed=frame.speed,
+            vectors=frame.vectors,
+            squares=np.abs(frame.vectors) ** 2,
+            compensated=np.zeros((2, 2), dtype=np.complex128) if compensated is None else compensated,
+            compensated_frames=int(compensated is not None),
+            noise=frame.noise,
+            whirl_amplitude=0.0 if whirl is None else whirl.amplitude,
+            whirl_order=np.nan if whirl is None else whirl.order,
+        )
 
     def add(self, other: "_Bin") -> None:
-        self.frames += other.frames
-        self.speed += other.speed
-        self.vectors += other.vectors
-        self.squares += other.squares
-        self.compensated += other.compensated
-        self.compensated_frames += other.compensated_frames
-        self.noise += other.noise
-        self._whirl(other.whirl_amplitude, other.whirl_order)
-        self.overalls += other.overalls
-        self.overall += other.overall
+        for name in _SUMS:
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        if other.whirl_amplitude > self.whirl_amplitude:
+            self.whirl_amplitude, self.whirl_order = other.whirl_amplitude, other.whirl_order
         self.largest = np.maximum(self.largest, other.largest)
-
-    def _whirl(self, amplitude: float, order: float) -> None:
-        if amplitude > self.whirl_amplitude:
-            self.whirl_amplitude, self.whirl_order = amplitude, order
 
     def row(self, direction: RampDirection) -> SpeedRow:
         vectors = self.vectors / self.frames
@@ -302,6 +290,7 @@ class _Bin:
 
 
 _Bins = defaultdict[int, _Bin]
+_SUMS = ("frames", "speed", "vectors", "squares", "compensated", "compensated_frames", "noise", "overalls", "overall")
 
 
 class SpeedTable:
@@ -334,9 +323,10 @@ class SpeedTable:
         if np.isfinite(snapshot.speed):
             if self._ramp.update(snapshot.speed) is not RampStep.WITHIN:
                 self._settle()
-            self._since[round(snapshot.speed / self._width)].add_peak_to_peak(snapshot.peak_to_peak)
+            overall = snapshot.peak_to_peak
+            self._since[round(snapshot.speed / self._width)].add(_Bin(overalls=1, overall=overall, largest=overall))
         if snapshot.frame is not None:
-            self._since[round(snapshot.frame.speed / self._width)].add_frame(snapshot.frame)
+            self._since[round(snapshot.frame.speed / self._width)].add(_Bin.of_frame(snapshot.frame))
 
     def _settle(self) -> None:
         bins = self._settled[self._ramp.direction]
