@@ -12,6 +12,7 @@ from analysis.preflight.check_result import Check, Finding, Verdict, WiringLimit
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
 from analysis.signals import CodeArray, FloatArray, IntArray
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
+from analysis.signals.probes import ProbePair
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.disturbances import LowFrequencySignal
 
@@ -348,22 +349,16 @@ def _correlation(first: FloatArray, second: FloatArray) -> float:
 
 def _direction_check(probes: list[ProbeSignal], slow: list[LowFrequencySignal]) -> Check:
     """Return the check that 1X precesses forward, as run-out and unbalance do."""
-    forward, backward = _circles([probe.channel for probe in probes], [signal.vectors[0] for signal in slow])
+    first, second = (probe.channel for probe in probes)
+    pair = ProbePair(first.angle, second.angle)
+    ellipse = pair.ellipse(np.array([signal.vectors[0] for signal in slow]))
+    forward, backward = abs(ellipse.forward), abs(ellipse.backward)
     value = f"forward {forward / MICROMETRE:.2f}, backward {backward / MICROMETRE:.2f} µm peak"
     check = Check("1X direction", value, "forward")
     if backward < MAX_BACKWARD_RATIO * forward or backward < MIN_CIRCLE:
         return check
-    first, second = (probe.channel for probe in probes)
     return check.fail(
         Finding.PROBES_EXCHANGED,
         f"the orbit precesses backward: probes {first.name} and {second.name} are exchanged (cables at "
         f"{first.physical} and {second.physical}), or their angle_deg is wrong",
     )
-
-
-def _circles(channels: list[Channel], vectors: list[complex]) -> tuple[float, float]:
-    """Return the amplitudes of the forward and the backward circle of an ellipse, m peak."""
-    seats = np.array([channel.angle for channel in channels])
-    # X_k = F exp(-i a_k) + conj(B) exp(i a_k) for the probe at a_k
-    parts = np.linalg.solve(np.stack([np.exp(-1j * seats), np.exp(1j * seats)], axis=1), np.array(vectors))
-    return float(np.abs(parts[0])), float(np.abs(parts[1]))
