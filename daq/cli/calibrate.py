@@ -28,7 +28,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.errors import DeviceError, UsageError
 from daq.schemas.checks import gap_calibration_schema, tacho_calibration_schema
-from daq.session.preflight.calibration import (
+from daq.session.calibration import (
     CalibrationPoint,
     measure_point,
     measure_tacho_levels,

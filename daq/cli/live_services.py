@@ -15,8 +15,7 @@ from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.session.live_update import LiveUpdate, LiveUpdateSink
-from daq.session.run import Run, SupportsMarkers
-from daq.session.run_manager import RunManager
+from daq.session.run import Run, RunManager, SupportsMarkers
 from daq.view import open_live_view
 from recordings.catalogue.catalogue import Catalogue
 

@@ -19,8 +19,7 @@ from daq.config.schema import Backend, DeviceSection
 from daq.drivers.ni import FoundDevice, connected_devices
 from daq.errors import ConfigError
 from daq.schemas.checks import found_device_schema, invalid_rig_schema, preflight_schema, valid_rig_schema
-from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
-from daq.session.preflight.rig_checks import disk_rate
+from daq.session.preflight import PlannedRun, PreflightReport, disk_rate, run_preflight_checks
 from recordings.catalogue.catalogue import data_folder
 
 

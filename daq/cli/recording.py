@@ -23,15 +23,13 @@ from daq.drivers.replay import open_replay
 from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import run_schema
 from daq.service.results_reader import ResultsReader
-from daq.session.alarms import alarm_text
-from daq.session.live_update import RunState, Status
-from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
+from daq.session.live_update import RunState, Status, alarm_text
+from daq.session.offline import with_reference_runout
+from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
-from daq.session.run import Run, RunOutcome, SupportsMarkers
-from daq.session.run_manager import RunManager
-from daq.session.runout_reference import with_reference_runout
+from daq.session.run import Run, RunManager, RunOutcome, SupportsMarkers
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
 from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.mcap.parts import file_ids

@@ -8,7 +8,7 @@ from daq.cli.output.summary_text import print_summary
 from daq.cli.runs import find_run
 from daq.config.calibration import load_calibration
 from daq.reports.run_summaries import Summaries
-from daq.session.prediction.predictor import Predictors
+from daq.session.predictor import Predictors
 
 
 def add_commands(add: AddCommand) -> None:

@@ -14,7 +14,7 @@ from daq.reports.analysis_result import ProgressCallback
 from daq.schemas.events import marker_schema
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import corrected_header, summarise
-from daq.session.prediction.predictor import PREDICTION_TIMEOUT
+from daq.session.predictor import PREDICTION_TIMEOUT
 from model.prediction.comparison import compare
 from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue

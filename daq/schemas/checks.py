@@ -14,7 +14,7 @@ from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
 from daq.schemas.runs import DeviceSchema, device_schema
 from daq.schemas.units import Schema, finite, micrometres
-from daq.session.preflight.preflight import PreflightReport
+from daq.session.preflight import PreflightReport
 from recordings.integrity import file_checks, verify
 from recordings.integrity.recover import Recovery
 

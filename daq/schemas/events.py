@@ -9,8 +9,7 @@ from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
-from daq.session.alarms import alarm_name, alarm_value_text
-from daq.session.live_update import TimedMarker
+from daq.session.live_update import TimedMarker, alarm_name, alarm_value_text
 from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, MarkerKind
 
 

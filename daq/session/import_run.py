@@ -14,7 +14,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
-from daq.session.runout_reference import with_reference_runout
+from daq.session.offline import with_reference_runout
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.exchange.formats import read_table

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.units import RPM
-from daq.session.prediction.predictor import Predictor
+from daq.session.predictor import Predictor
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response

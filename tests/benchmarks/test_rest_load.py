@@ -16,7 +16,7 @@ from daq.reports.run_summaries import Summaries
 from daq.service.app import ServiceFeatures, create_app
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
-from daq.session.prediction.predictor import Predictors
+from daq.session.predictor import Predictors
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader

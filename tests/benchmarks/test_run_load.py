@@ -10,7 +10,7 @@ import pytest
 from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
-from daq.session.prediction.predictor import Predictors
+from daq.session.predictor import Predictors
 from daq.session.recording.recorded_run import RecordedRun
 from daq.view.live_view import LiveView
 from recordings.catalogue.catalogue import Catalogue

@@ -14,7 +14,7 @@ from daq.config.loader import load_rig
 from daq.config.rig import Rig, model_parameters
 from daq.errors import RigError, UsageError
 from daq.schemas.live import predicted_vibration_schema
-from daq.session.prediction.predictor import PREDICTION_TIMEOUT, Predictors
+from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction, PredictionMap, refine
 

@@ -11,8 +11,7 @@ from daq.cli.model.arguments import FloatArray, model_errors, number_range, para
 from daq.cli.model.output import require_plot_format, save, show_study
 from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
-from daq.session.sweep.run import grid, run_sweep
-from daq.session.sweep.workers import DaskWorkers, LocalWorkers
+from daq.session.sweep import DaskWorkers, LocalWorkers, grid, run_sweep
 from model.rotor.tables import UNIT_LABELS
 from model.studies.study import Plot, Series, Study, Style
 from model.studies.sweep_quantities import PARAMETER_SETTERS, QUANTITIES, SweepPoint, SweepResult

@@ -7,7 +7,7 @@ from pathlib import Path
 from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
 from daq.cli.output.progress import TerminalOutput
 from daq.errors import UsageError
-from daq.session.sweep.workers import LocalWorkers
+from daq.session.sweep import LocalWorkers
 from model.studies.thesis.chapter_3 import chapter_3
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (

@@ -23,7 +23,7 @@ from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import result_schema
 from daq.session.offline import summarise
-from daq.session.prediction.map_cache import CachedPredictionMap, CachedPredictionMaps
+from daq.session.prediction_maps import CachedPredictionMap, CachedPredictionMaps
 from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import ForeignFormatError, RunExistsError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table

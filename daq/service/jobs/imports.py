@@ -14,7 +14,7 @@ from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress, 
 from daq.service.schemas.uploads import ImportRequest, RigFromToml
 from daq.service.uploads import Upload
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
-from daq.session.runout_reference import with_reference_runout
+from daq.session.offline import with_reference_runout
 from recordings.catalogue.catalogue import SUFFIX, Catalogue
 from recordings.errors import ForeignFormatError
 

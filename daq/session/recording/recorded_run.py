@@ -17,9 +17,16 @@ from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault, RigError, StoppedError
-from daq.session.alarms import acknowledgement_marker, alarm_marker
 from daq.session.live_analysis import LiveAnalysis
-from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
+from daq.session.live_update import (
+    LiveUpdate,
+    LiveUpdateSink,
+    RunState,
+    Status,
+    TimedMarker,
+    acknowledgement_marker,
+    alarm_marker,
+)
 from daq.session.processes import start_process
 from daq.session.recording.health import clipped_channels, loss_message, reconnect_message, recording_health
 from daq.session.recording.messages import (

@@ -14,7 +14,7 @@ from daq.cli.output.summary_text import summary_lines
 from daq.schemas.summary import summary_schema
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.preflight.preflight import PlannedRun, run_preflight_checks
+from daq.session.preflight import PlannedRun, run_preflight_checks
 from recordings.errors import ForeignFormatError
 from recordings.exchange.export import pulses_table
 from recordings.mcap.reader import RunReader

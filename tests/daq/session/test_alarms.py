@@ -11,7 +11,7 @@ from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.main import main
 from daq.cli.output.progress import status_line
 from daq.drivers.replay import open_replay
-from daq.session.alarms import acknowledgement_marker, alarm_name, alarm_text
+from daq.session.live_update import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import worst_alarm

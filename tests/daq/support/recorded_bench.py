@@ -18,7 +18,7 @@ from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import PredictionProvider, ResultsReader
 from daq.service.routes.live import RunStarter
 from daq.service.server import ServiceServer
-from daq.session.prediction.predictor import Predictors
+from daq.session.predictor import Predictors
 from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorder import run_header
 from model.errors import ParameterError

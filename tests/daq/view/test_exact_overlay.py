@@ -10,7 +10,7 @@ import numpy as np
 from analysis.signals.units import RPM
 from daq.drivers.replay import open_replay
 from daq.schemas.live import live_schema
-from daq.session.prediction.predictor import Predictor
+from daq.session.predictor import Predictor
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import details
 from model.rotor.gj90c import gj90c

@@ -13,7 +13,7 @@ from analysis.signals.header import Calibration
 from daq.cli.main import main
 from daq.config.rig import Rig
 from daq.schemas.checks import preflight_schema
-from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
+from daq.session.preflight import PlannedRun, PreflightReport, run_preflight_checks
 from tests.daq.support.device_server import DeviceServer
 from tests.daq.support.ni_bench import bench
 

@@ -18,8 +18,7 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.errors import DeviceError, DeviceFault
 from daq.session.live_update import LiveUpdate
-from daq.session.run import RunOutcome
-from daq.session.run_manager import RunManager
+from daq.session.run import RunManager, RunOutcome
 from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.recorded_bench import API, RUN, RecordedBench, open_recorded_bench, record_run
 

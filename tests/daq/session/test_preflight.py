@@ -16,8 +16,15 @@ from daq.config.rig import Rig
 from daq.config.schema import Miswiring
 from daq.errors import ConfigError
 from daq.schemas.checks import PreflightSchema
-from daq.session.preflight.preflight import PlannedRun, PreflightReport, run_preflight_checks
-from daq.session.preflight.rig_checks import calibration_checks, disk_check, planned_speed_check, sample_checks
+from daq.session.preflight import (
+    PlannedRun,
+    PreflightReport,
+    calibration_checks,
+    disk_check,
+    planned_speed_check,
+    run_preflight_checks,
+    sample_checks,
+)
 from tests.daq.conftest import RigFactory, RigFiles
 
 TODAY = dt.date(2026, 11, 24)

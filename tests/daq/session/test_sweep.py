@@ -19,9 +19,7 @@ import pytest
 from pyarrow import parquet
 
 from daq.errors import UsageError
-from daq.session.sweep.run import grid, run_sweep
-from daq.session.sweep.store import SweepStore
-from daq.session.sweep.workers import DaskWorkers, LocalWorkers, Workers
+from daq.session.sweep import DaskWorkers, LocalWorkers, SweepStore, Workers, grid, run_sweep
 from model.rotor.gj90c import gj90c
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult
 
@@ -177,7 +175,7 @@ def test_interrupted_sweep_ends_its_suspended_processes() -> None:
 
 KILLED = """
 import multiprocessing, os, signal
-from daq.session.sweep.workers import LocalWorkers
+from daq.session.sweep import LocalWorkers
 
 for _ in LocalWorkers(2).run(abs, range(100)):
     print(*(process.pid for process in multiprocessing.active_children()), flush=True)

@@ -16,7 +16,7 @@ import numpy as np
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rig import model_parameters
-from daq.session.prediction.file_lock import FileLock
+from daq.session.file_lock import FileLock
 from model.errors import ModelError
 from model.prediction.prediction_map import (
     PredictionMap,

@@ -16,7 +16,7 @@ from daq.config.rig import Rig
 from daq.config.schema import Backend, ProfilePoint
 from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
-from daq.session.preflight.preflight import capture
+from daq.session.preflight import capture
 
 STEP_DURATION = 0.5  # s of samples per gap: whole periods of 50 and 60 Hz
 TACHO_CAPTURE_DURATION = 1.0  # s

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq.session.prediction.file_lock import FileLock
-from daq.session.prediction.map_cache import OnProgress, load_or_compute_map, read_map
+from daq.session.file_lock import FileLock
+from daq.session.prediction_maps import OnProgress, load_or_compute_map, read_map
 from model.prediction.prediction_map import PredictionMap
 
 DEADLINE = 60.0  # s

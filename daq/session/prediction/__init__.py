@@ -1,1 +1,0 @@
-"""Predictions for a run: the map cache, the predictor, and the refiner for the exact speed."""

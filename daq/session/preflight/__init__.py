@@ -1,1 +1,0 @@
-"""Preflight checks of the rig, and measurements for calibrations."""

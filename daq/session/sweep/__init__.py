@@ -1,1 +1,0 @@
-"""Sweeps over parameters of the model, computed by local processes or a Dask cluster."""
