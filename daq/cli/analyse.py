@@ -12,8 +12,8 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.output.progress import TerminalOutput
-from daq.cli.output.terminal import Cell, align_columns, format_number, print_json, print_lines
+from daq.cli.progress import TerminalOutput
+from daq.cli.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.cli.runs import find_run
 from daq.errors import UsageError
 from daq.reports.analysis_result import QUANTITIES, AnalysisResult, analysis_schema

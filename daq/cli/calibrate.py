@@ -15,7 +15,7 @@ from analysis.preflight.calibration import CalibrationFit, default_order, fit_ca
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.units import MICROMETRE, MILLIVOLT
 from daq.cli.arguments import NOT_READY, AddCommand
-from daq.cli.output.terminal import print_json
+from daq.cli.terminal import print_json
 from daq.config.calibration import (
     CalibrationMetadata,
     CalibrationRecord,

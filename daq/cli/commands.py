@@ -9,7 +9,7 @@ from importlib.metadata import version
 from typing import TextIO
 
 from analysis.signals.errors import AnalysisError
-from daq.cli.output.terminal import use_ascii_fallback
+from daq.cli.terminal import use_ascii_fallback
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
 from model.errors import ModelError, ParameterError
@@ -50,7 +50,7 @@ COMMANDS = {
     "import": ("exchange", "Import another program's file as a run."),
     "export": ("exchange", "Export a run or part of it to another format."),
     "predict": ("model.predict", "Compute and show the model's prediction at the probes over speed."),
-    "model": ("model.commands", "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."),
+    "model": ("model.studies", "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."),
 }
 """Module of each command, below daq.cli, and what the command does."""
 

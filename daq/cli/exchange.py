@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.cli.runs import find_run
 from daq.session.import_run import import_run
 from recordings.catalogue.catalogue import Catalogue, data_folder

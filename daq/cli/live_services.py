@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.errors import ServiceError, UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema

@@ -9,7 +9,7 @@ from http import HTTPStatus
 from typing import Any
 
 from daq.cli.arguments import AddCommand, add_client_address, show_examples
-from daq.cli.output.terminal import print_json
+from daq.cli.terminal import print_json
 from daq.errors import UsageError
 
 RESPONSE_TIMEOUT = 5.0  # s

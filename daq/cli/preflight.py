@@ -10,8 +10,8 @@ from pathlib import Path
 from analysis.preflight.check_result import Verdict
 from analysis.signals.units import MICROSECOND, RPM
 from daq.cli.arguments import NOT_READY, AddCommand, address, duration, speed
-from daq.cli.output.progress import TerminalOutput
-from daq.cli.output.terminal import print_json, print_lines, terminal_width
+from daq.cli.progress import TerminalOutput
+from daq.cli.terminal import print_json, print_lines, terminal_width
 from daq.config.devices import device_spec
 from daq.config.loader import load_rig
 from daq.config.rig import Rig

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from daq.cli.arguments import AddCommand, add_folder, add_service_address, duration, pace, show_examples
 from daq.cli.live_services import LiveServices
-from daq.cli.output.progress import TerminalOutput, status_line
-from daq.cli.output.summary_text import print_summary
-from daq.cli.output.terminal import print_json
+from daq.cli.progress import TerminalOutput, status_line
+from daq.cli.run_text import print_summary
+from daq.cli.terminal import print_json
 from daq.cli.runs import find_run, run_row
 from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig

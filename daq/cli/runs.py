@@ -6,8 +6,8 @@ from pathlib import Path
 
 from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
-from daq.cli.output.progress import TerminalOutput
-from daq.cli.output.terminal import print_json
+from daq.cli.progress import TerminalOutput
+from daq.cli.terminal import print_json
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.search import Search

@@ -3,8 +3,8 @@
 import argparse
 
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, calibration, show_examples
-from daq.cli.output.progress import TerminalOutput
-from daq.cli.output.summary_text import print_summary
+from daq.cli.progress import TerminalOutput
+from daq.cli.run_text import print_summary
 from daq.cli.runs import find_run
 from daq.config.calibration import load_calibration
 from daq.reports.run_summaries import Summaries

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from daq.cli.output.terminal import align_columns, print_json
+from daq.cli.terminal import align_columns, print_json
 from daq.errors import UsageError
 from daq.schemas.study import study_schema
 from model.studies.study import Plot, Study, Surface
@@ -56,7 +56,7 @@ def require_plot_format(file: Path, option: str = "-o") -> None:
 
 def save(plots: Sequence[Plot | Surface], file: Path) -> None:
     """Draw plots, one below the other, into an SVG, PNG or PDF file."""
-    from daq.cli.model.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+    from daq.reports.plots.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
 
     try:
         with atomic_write(file) as temporary:

@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.cli.arguments import AddCommand, show_examples, speed
-from daq.cli.output.progress import TerminalOutput
-from daq.cli.output.terminal import print_json
+from daq.cli.progress import TerminalOutput
+from daq.cli.terminal import print_json
 from daq.config.loader import load_rig
 from daq.config.rig import Rig, model_parameters
 from daq.errors import RigError, UsageError

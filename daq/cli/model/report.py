@@ -134,7 +134,7 @@ def _trends(trends: Iterable[Trend]) -> str:
 
 
 def _figure(one: Captioned, salt: str) -> str:
-    from daq.cli.model.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+    from daq.reports.plots.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
 
     caption, plots = one
     svg = render(plots, "svg", salt).decode()

@@ -9,7 +9,7 @@ import numpy as np
 
 from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
 from daq.cli.model.output import require_plot_format, save, show_study
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import DaskWorkers, LocalWorkers, grid, run_sweep
 from model.rotor.tables import UNIT_LABELS

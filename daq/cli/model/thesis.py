@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import LocalWorkers
 from model.studies.thesis.chapter_3 import chapter_3

@@ -9,8 +9,8 @@ import pytest
 
 from analysis.preflight.check_result import Verdict
 from analysis.signals.snapshot import CounterState
-from daq.cli.output.progress import status_line
-from daq.cli.output.summary_text import summary_lines
+from daq.cli.progress import status_line
+from daq.cli.run_text import summary_lines
 from daq.schemas.summary import summary_schema
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise

@@ -3,7 +3,7 @@
 import io
 from dataclasses import replace
 
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.cli.recording import follow
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.run import RunOutcome

@@ -16,7 +16,7 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SourceItem
 from analysis.signals.header import Acquisition
-from daq.cli.output.progress import TerminalOutput
+from daq.cli.progress import TerminalOutput
 from daq.cli.recording import follow
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source

@@ -5,7 +5,7 @@ from itertools import groupby
 
 from analysis.signals.blocks import RampDirection
 from analysis.signals.header import Severity
-from daq.cli.output.terminal import print_json, print_lines
+from daq.cli.terminal import print_json, print_lines
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
 from daq.schemas.vibration import AgreementSchema

@@ -13,8 +13,8 @@ import pytest
 
 from daq.cli.commands import rig_parser
 from daq.cli.main import main
-from daq.cli.output.progress import TerminalOutput, status_line
-from daq.cli.output.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
+from daq.cli.progress import TerminalOutput, status_line
+from daq.cli.terminal import fit_to_width, print_json, print_lines, use_ascii_fallback, wrap_line
 from tests.daq.support.live_updates import make_live_updates
 
 UPDATE = make_live_updates(150)[-1]

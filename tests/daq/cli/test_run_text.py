@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from daq.cli.output.summary_text import summary_lines
+from daq.cli.run_text import summary_lines
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.schemas.summary import SummarySchema, summary_schema

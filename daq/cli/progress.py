@@ -9,7 +9,7 @@ from typing import TextIO
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, RPM
-from daq.cli.output.terminal import fit_to_width, terminal_width, wrap_line
+from daq.cli.terminal import fit_to_width, terminal_width, wrap_line
 from daq.session.live_update import LiveUpdate, Status
 
 _FILE_INTERVAL = 5.0  # s between progress lines where the output is no terminal
