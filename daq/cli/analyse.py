@@ -13,8 +13,8 @@ from pydantic.fields import FieldInfo
 
 from daq.cli.arguments import AddCommand, add_folder, show_examples
 from daq.cli.progress import TerminalOutput
-from daq.cli.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.cli.runs import find_run
+from daq.cli.terminal import Cell, align_columns, format_number, print_json, print_lines
 from daq.errors import UsageError
 from daq.reports.analysis_result import QUANTITIES, AnalysisResult, analysis_schema
 from daq.reports.export import analysis_table, encode_analysis

@@ -14,8 +14,8 @@ from daq.cli.arguments import AddCommand, add_folder, add_service_address, durat
 from daq.cli.live_services import LiveServices
 from daq.cli.progress import TerminalOutput, status_line
 from daq.cli.run_text import print_summary
-from daq.cli.terminal import print_json
 from daq.cli.runs import find_run, run_row
+from daq.cli.terminal import print_json
 from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection

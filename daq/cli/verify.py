@@ -7,8 +7,8 @@ from pathlib import Path
 
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder
 from daq.cli.progress import TerminalOutput
-from daq.cli.terminal import print_json, print_lines
 from daq.cli.runs import find_run
+from daq.cli.terminal import print_json, print_lines
 from daq.schemas.checks import recovery_schema, verification_schema
 from recordings.catalogue.catalogue import SUFFIX
 from recordings.integrity.recover import MissingSamples, recover

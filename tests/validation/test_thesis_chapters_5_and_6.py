@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.units import MICROMETRE
-from daq.cli.model.report import Part, count_reproduced, report_html
+from daq.cli.model.thesis import Part, count_reproduced, report_html
 from model.dynamics.stability import FilmName
 from model.studies.onset import stability
 from model.studies.run_up import RunUp, run_up

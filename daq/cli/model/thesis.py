@@ -1,25 +1,170 @@
 """`rig model thesis`: report with all tables and figures of chapters 3, 5 and 6, recomputed."""
 
 import argparse
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from itertools import cycle
 from pathlib import Path
 
-from daq.cli.model.report import Part, captioned_plot, count_reproduced, report_html
 from daq.cli.progress import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import LocalWorkers
+from model.studies.study import Plot, Series, Style, Surface
 from model.studies.thesis.chapter_3 import chapter_3
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
     CaseResult,
+    Trend,
     chapter_6_comparisons,
     chapter_6_figures,
     onsets_by_eigenvalues,
     run_case,
     trends,
 )
+from model.studies.thesis.report import Comparison, Figure
 from recordings.atomic_file import atomic_write
+
+Captioned = tuple[str, tuple[Plot | Surface, ...]]
+
+_STYLES = (Style.LINE, Style.DASHED, Style.DOTTED)  # to distinguish equal curves
+_STYLE = """\
+body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
+table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
+text-align:left;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
+tr.no td.v{color:#a33;font-weight:600}tr.yes td.v{color:#276}figure{margin:1.5rem 0}
+figure svg{max-width:100%;height:auto}
+figcaption{font-size:13px;color:#444}.three figure{display:inline-block;width:48%;margin:.5rem .5%;vertical-align:top}
+"""
+_INTRODUCTION = (
+    "Tables and figures of H. Zhang (2012): stated and computed numbers. “Reproduced” means within the tolerance of "
+    "the printed value; if a number differs, the note gives the reason."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A chapter of the report.
+
+    Parameters
+    ----------
+    title : str
+        Number and subject.
+    text : str
+        Introduction.
+    comparisons : tuple of Comparison
+        Stated and computed numbers.
+    figures : tuple of pairs of caption and plots
+        Figures.
+    trends : tuple of Trend
+        Trends stated in words.
+    """
+
+    title: str
+    text: str
+    comparisons: tuple[Comparison, ...]
+    figures: tuple[Captioned, ...]
+    trends: tuple[Trend, ...] = ()
+
+
+def captioned_plot(figure: Figure) -> Captioned:
+    """Return a figure as caption and plots."""
+    series = tuple(
+        Series(curve.label, curve.x, curve.y, style)
+        for curve, style in zip(figure.curves, cycle(_STYLES), strict=False)
+    )
+    plot = Plot(
+        figure.title, figure.x_label, figure.y_label, series, y_limits=figure.y_limits, empty_text=figure.empty_text
+    )
+    return f"Fig. {figure.number}: {figure.title}", (plot,)
+
+
+def report_html(parts: Sequence[Part]) -> str:
+    """Return the report as HTML."""
+    body = [
+        "<h1>The thesis recomputed</h1>",
+        f"<p>{_INTRODUCTION}</p>",
+        _overview(parts),
+    ]
+    for number, part in enumerate(parts):
+        body += [f"<h2>{escape(part.title)}</h2>", f"<p>{escape(part.text)}</p>"]
+        if part.trends:
+            body.append(_trends(part.trends))
+        body.append(_comparisons(part.comparisons))
+        layout = ' class="three"' if len(part.figures) > 20 else ""
+        body.append(f"<div{layout}>")
+        body += [_figure(one, f"{number}-{index}") for index, one in enumerate(part.figures)]
+        body.append("</div>")
+    head = f'<meta charset="utf-8"><title>The thesis recomputed</title><style>{_STYLE}</style>'
+    return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
+
+
+def count_reproduced(part: Part) -> tuple[int, int]:
+    """Return the number of reproduced numbers and trends of a part, and their total."""
+    verdicts = [one.is_reproduced for one in part.comparisons] + [one.is_reproduced for one in part.trends]
+    return sum(verdicts), len(verdicts)
+
+
+def _overview(parts: Sequence[Part]) -> str:
+    rows = []
+    for part in parts:
+        reproduced, total = count_reproduced(part)
+        places = Counter(one.place for one in part.comparisons if not one.is_reproduced)
+        missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
+        rows.append(f"<tr><td>{escape(part.title)}<td class=n>{reproduced} of {total}<td>{escape(missed)}</tr>")
+    return f"<table><tr><th>Chapter<th>Reproduced<th>Numbers that differ, by place</tr>{''.join(rows)}</table>"
+
+
+def _comparisons(comparisons: Iterable[Comparison]) -> str:
+    rows = []
+    for one in comparisons:
+        computed = "none" if one.computed is None else _number(one.computed)
+        deviation = "" if one.deviation is None else _signed(one.deviation)
+        verdict, kind = ("reproduced", "yes") if one.is_reproduced else ("not reproduced", "no")
+        relation = "" if one.relation.value == "=" else f"{one.relation.value} "
+        cells = (
+            one.place,
+            one.quantity,
+            f"{relation}{_number(one.stated)}",
+            computed,
+            deviation,
+            one.unit,
+            verdict,
+            one.note,
+        )
+        kinds = ("", "", " class=n", " class=n", " class=n", "", " class=v", "")
+        row = "".join(f"<td{k}>{escape(cell)}" for k, cell in zip(kinds, cells, strict=True))
+        rows.append(f"<tr class={kind}>{row}</tr>")
+    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Verdict", "Note")
+    return f"<table><tr>{''.join(f'<th>{name}' for name in names)}</tr>{''.join(rows)}</table>"
+
+
+def _trends(trends: Iterable[Trend]) -> str:
+    rows = "".join(
+        f"<tr class={'yes' if one.is_reproduced else 'no'}><td>{escape(one.text)}"
+        f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.computed)}</tr>"
+        for one in trends
+    )
+    return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in order of the cases</tr>{rows}</table>"
+
+
+def _figure(one: Captioned, salt: str) -> str:
+    from daq.reports.plots.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+
+    caption, plots = one
+    svg = render(plots, "svg", salt).decode()
+    return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.1f}".removesuffix(".0") if abs(value) >= 100 else f"{value:.3g}"
+
+
+def _signed(value: float) -> str:
+    return f"{value:+,.0f}" if abs(value) >= 100 else f"{value:+.3g}"
+
 
 FILE_NAME = "thesis.html"
 _CHAPTER_3 = (

@@ -1,4 +1,4 @@
-"""Plots of model studies, drawn with the figures of `daq.reports.plots`."""
+"""Plots of model studies: curves and surfaces with labelled axes."""
 
 import math
 from collections.abc import Sequence

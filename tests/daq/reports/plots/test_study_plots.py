@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from daq.cli.model.report import captioned_plot
+from daq.cli.model.thesis import captioned_plot
 from daq.reports.plots.study_plots import draw, render
 from model.studies.study import Plot, Series
 from model.studies.thesis.report import Curve, Figure
