@@ -19,7 +19,7 @@ from daq.cli.terminal import print_json
 from daq.config.loader import load_rig, with_trigger
 from daq.config.rig import Rig
 from daq.config.schema import StorageSection
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.reports.run_summaries import Summaries
 from daq.schemas.runs import run_schema
 from daq.service.results_reader import ResultsReader
@@ -155,7 +155,7 @@ def run_replay(args: argparse.Namespace) -> int:
         summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
         with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
-            source = open_replay(path, args.pace)
+            source = ReplaySource(path, args.pace)
             replayed = ReplayedRun(header, source, model, services.sinks, markers)
             services.show(replayed)
             pace = "at full speed" if args.pace is None else f"at {args.pace:g} × real time"

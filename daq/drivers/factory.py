@@ -1,4 +1,4 @@
-"""Opens the source that a rig names, reconnects to a card that was disconnected, and applies the trigger."""
+"""Opens the source that a rig names, and reconnects to a card that was disconnected."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -7,11 +7,10 @@ from dataclasses import replace
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
-from daq.config.schema import Backend, TriggerSection, parse_condition
+from daq.config.schema import Backend
 from daq.drivers.ni import open_ni_source
 from daq.drivers.simulation.card import SimulatedCard, SimulatedSource
 from daq.drivers.source import RestartLimiter, Source
-from daq.drivers.triggered import Trigger, TriggeredSource, TriggerListener
 from daq.errors import DeviceError, DeviceFault
 from daq.stop_flag import StopFlag
 from model.errors import ModelError
@@ -54,12 +53,7 @@ class ReconnectingSource:
         self._timeout = timeout
         self._stopping = StopFlag()
         self._device = open_device()
-        self._acquisition = self._device.acquisition
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The acquisition with its actual settings, read back from the device."""
-        return self._acquisition
+        self.acquisition = self._device.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
         """Start, and yield blocks and segment ends until stopped or until reconnecting fails."""
@@ -118,9 +112,9 @@ class ReconnectingSource:
                     text = f"the device did not come back within {self._timeout:g} s (session.reconnect_s): {error}"
                     return DeviceError(error.fault, text)
                 continue
-            if device.acquisition != self._acquisition:
+            if device.acquisition != self.acquisition:
                 device.close()
-                return DeviceError(DeviceFault.OTHER, _other_device(device.acquisition, self._acquisition))
+                return DeviceError(DeviceFault.OTHER, _other_device(device.acquisition, self.acquisition))
             self._device = device
             return None
         return None
@@ -165,22 +159,3 @@ def open_source(rig: Rig) -> Source:
         real_time=rig.config.simulation.pace == "real time",
         restarts=restarts,
     )
-
-
-def apply_trigger(source: Source, section: TriggerSection, listener: TriggerListener) -> Source:
-    """Return a source limited to the samples between start and stop condition, or unchanged without conditions.
-
-    Parameters
-    ----------
-    source : Source
-        The opened source.
-    section : TriggerSection
-        The conditions.
-    listener : TriggerListener
-        Receives the trigger's events.
-    """
-    start, stop = parse_condition(section.start), parse_condition(section.stop)
-    if start is None and stop is None:
-        return source
-    trigger = Trigger(start, stop, section.pre_s, section.hold_s, section.hold_off_s, section.events)
-    return TriggeredSource(source, trigger, listener)

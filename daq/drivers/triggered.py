@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition, Role
 from analysis.tacho.edges import edge_detector
-from daq.config.schema import SPEED, TIME, TriggerCondition
+from daq.config.schema import SPEED, TIME, TriggerCondition, TriggerSection, parse_condition
 from daq.drivers.source import Source
 
 STANDSTILL_TIMEOUT = 1.0  # s without an edge after which the speed is 0
@@ -77,33 +77,6 @@ NORMAL_END_REASONS = frozenset({EndReason.STOPPED, EndReason.FINISHED})
 
 
 @dataclass(frozen=True, slots=True)
-class Trigger:
-    """Start and stop conditions and their timing.
-
-    Parameters
-    ----------
-    start, stop : TriggerCondition or None
-        None to start at once, or to continue until stopped. A channel's voltage is above a value if any sample of a
-        block is.
-    before : float
-        Pre-trigger time, s: samples from at least this long before the start condition began to hold are delivered too.
-    hold : float
-        How long a condition must hold, s, so that a single glitch does not start or stop an event.
-    hold_off : float
-        Time after a stop during which no start is detected, s.
-    events : int
-        Number of events after which the run ends; 0 for no limit.
-    """
-
-    start: TriggerCondition | None
-    stop: TriggerCondition | None
-    before: float = 0.0
-    hold: float = 0.0
-    hold_off: float = 0.0
-    events: int = 1
-
-
-@dataclass(frozen=True, slots=True)
 class TriggerStart:
     """The start of an event.
 
@@ -151,42 +124,27 @@ class TriggeredSource:
     ----------
     source : Source
         The source, which acquires continuously.
-    trigger : Trigger
-        The conditions.
+    section : TriggerSection
+        The conditions and their timing. A channel's voltage is above a value if any sample of a block is.
     listener : TriggerListener
         Receives the trigger's events.
-
-    Raises
-    ------
-    ValueError
-        A condition names an unknown channel, or several events lack a start or stop condition.
     """
 
-    def __init__(self, source: Source, trigger: Trigger, listener: TriggerListener) -> None:
+    def __init__(self, source: Source, section: TriggerSection, listener: TriggerListener) -> None:
+        self.acquisition = source.acquisition
         self._source = source
-        self._trigger = trigger
+        self._section = section
         self._listener = listener
         self._rate = source.acquisition.rate
-        self._before = round((trigger.before + trigger.hold) * self._rate)
+        self._before = round((section.pre_s + section.hold_s) * self._rate)
         self._speed_estimator = SpeedEstimator(source.acquisition)
         self._speed = 0.0  # r/min
         self._numbering = _Numbering(source.acquisition.ticks_per_sample)
         self._pre_trigger: deque[SampleBlock] = deque()
         self._events = 0  # started so far
         self._hold_off = 0  # samples left in which no start is detected
-        names = [channel.name for channel in source.acquisition.channels]
-        for condition in (trigger.start, trigger.stop):
-            if condition is not None and condition.quantity not in {SPEED, TIME, *names}:
-                raise ValueError(f"{condition}: expected speed, time or a channel, {', '.join(names)}")
-        if trigger.events != 1 and (trigger.start is None or trigger.stop is None):
-            raise ValueError(f"events: {trigger.events}, expected 1 without a start and a stop condition")
-        self._start = _ConditionHold(trigger.start, trigger.hold, source.acquisition)
-        self._stop = _ConditionHold(trigger.stop, trigger.hold, source.acquisition)
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The acquisition of the source."""
-        return self._source.acquisition
+        self._start = _ConditionHold(parse_condition(section.start), section.hold_s, source.acquisition)
+        self._stop = _ConditionHold(parse_condition(section.stop), section.hold_s, source.acquisition)
 
     def stop(self) -> None:
         """Request the stop, from any thread."""
@@ -198,7 +156,7 @@ class TriggeredSource:
 
     def blocks(self) -> Iterator[SourceItem]:
         """Yield the segments between the conditions; at least one, which may be empty."""
-        is_active, is_over = self._trigger.start is None, False
+        is_active, is_over = self._start.condition is None, False
         self._events = int(is_active)
         for item in self._source.blocks():
             if is_over:
@@ -210,9 +168,10 @@ class TriggeredSource:
             if is_active:
                 yield self._numbering.block(item)
                 if self._stop.fires(item, self._speed):
-                    yield self._numbering.end(self._finished())
-                    is_active, is_over = False, self._events == self._trigger.events
-                    self._hold_off = round(self._trigger.hold_off * self._rate)
+                    detail = f"stopped by {self._stop.condition}"
+                    yield self._numbering.end(SegmentEnd(0, 0, EndReason.FINISHED, detail=detail))
+                    is_active, is_over = False, self._events == self._section.events
+                    self._hold_off = round(self._section.hold_off_s * self._rate)
                     if is_over:
                         self._source.stop()
             else:
@@ -223,7 +182,7 @@ class TriggeredSource:
                 else:
                     self._wait()
         if self._events == 0:
-            detail = f"{self._trigger.start} was not reached"
+            detail = f"{self._start.condition} was not reached"
             yield self._numbering.end(SegmentEnd(0, 0, EndReason.STOPPED, detail=detail))
 
     def _starts(self, block: SampleBlock) -> bool:
@@ -237,9 +196,9 @@ class TriggeredSource:
         """Start an event: yield the pre-trigger samples."""
         self._events += 1
         n = sum(block.n_samples for block in self._pre_trigger)
-        if self._trigger.start is not None:
+        if self._start.condition is not None:
             segment, sample = self._numbering.segment, max(n - self._start.held_for, 0)
-            self._listener.on_start(TriggerStart(self._events, self._trigger.start, segment, sample))
+            self._listener.on_start(TriggerStart(self._events, self._start.condition, segment, sample))
         self._start.reset()
         self._stop.reset()
         while self._pre_trigger:
@@ -257,9 +216,6 @@ class TriggeredSource:
         self._listener.on_skipped(samples)
         return samples
 
-    def _finished(self) -> SegmentEnd:
-        return SegmentEnd(0, 0, EndReason.FINISHED, detail=f"stopped by {self._trigger.stop}")
-
     def _ended(self, end: SegmentEnd, *, is_active: bool) -> Iterator[SegmentEnd]:
         """Yield the end of the source's segment if it ends an event or reports a loss."""
         self._start.interrupt()
@@ -269,15 +225,22 @@ class TriggeredSource:
         if is_active:
             yield self._numbering.end(end)
         elif end.reason not in NORMAL_END_REASONS or not end.is_gap_free:
-            detail = f"while waiting for {self._trigger.start}: {end.detail or end.reason.value}"
+            detail = f"while waiting for {self._start.condition}: {end.detail or end.reason.value}"
             yield self._numbering.end(replace(end, detail=detail))
+
+
+def apply_trigger(source: Source, section: TriggerSection, listener: TriggerListener) -> Source:
+    """Return a source limited to the samples between start and stop condition, or unchanged without conditions."""
+    if not section.start.strip() and not section.stop.strip():
+        return source
+    return TriggeredSource(source, section, listener)
 
 
 class _ConditionHold:
     """Detects when a condition has held for the hold time; without a condition it never fires."""
 
     def __init__(self, condition: TriggerCondition | None, hold: float, acquisition: Acquisition) -> None:
-        self._condition = condition
+        self.condition = condition
         self._rate = acquisition.rate
         self._hold = hold * acquisition.rate
         self._channels = {channel.name: (row, channel) for row, channel in enumerate(acquisition.channels)}
@@ -296,9 +259,9 @@ class _ConditionHold:
     def fires(self, block: SampleBlock, speed: float) -> bool:
         """Return whether, at the end of a block and at its speed, r/min, the condition has held for the hold time."""
         self._seen += block.n_samples
-        if self._condition is None:
+        if self.condition is None:
             return False
-        holds = self._condition.holds(self._value(self._condition, block, speed))
+        holds = self.condition.holds(self._value(self.condition, block, speed))
         self.held_for = self.held_for + block.n_samples if holds else 0
         return holds and self.held_for >= self._hold
 

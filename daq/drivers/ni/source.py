@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
-from analysis.signals.header import Acquisition
 from daq.config.rig import Rig
 from daq.config.schema import DeviceSection
 from daq.drivers.ni.error_codes import ABSENT_CODES, OVERRUN_CODES, card_extra_required
@@ -212,13 +211,9 @@ class NiSource:
         self._card = card
         self._restarts = restarts
         self._stamps = CounterStamps(card)
+        self.acquisition = card.acquisition
         self._stopping = StopFlag()
         self._is_started = False
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The acquisition with its actual settings, read back from the device."""
-        return self._card.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
         """Start, and yield blocks and segment ends until stopped or failed.

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Device, Role
-from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec
 from daq.config.rig import Rig
 from daq.drivers.simulation import StreamPurpose, random_stream
-from daq.drivers.simulation.motion import MotionComponent, SamplingInstants, shaft_motion
-from daq.drivers.simulation.sensors import SimulatedProbe, SimulatedTacho, TachoSignal
-from daq.drivers.simulation.speed import SpeedProfile, make_speed_profile
-from daq.drivers.simulation.wiring import SensorRows, SimulatedWiring
+from daq.drivers.simulation.motion import SamplingInstants, shaft_motion
+from daq.drivers.simulation.sensors import SimulatedProbe, SimulatedTacho
+from daq.drivers.simulation.speed import make_speed_profile
+from daq.drivers.simulation.wiring import FAULTS, SensorRows
 from daq.drivers.source import RestartLimiter
 from daq.stop_flag import StopFlag
 from model.errors import WallContactError
@@ -66,68 +65,35 @@ class SimulatedCard:
     ----------
     rig : Rig
         Card, channels and bench to simulate.
+
+    Attributes
+    ----------
+    acquisition : Acquisition
+        The acquisition, as the driver of a real card would report it.
+    speed_profile : SpeedProfile
+        The shaft's true speed and angle.
+    n_samples, n_read : int
+        Length of the whole run and what has been read so far, samples per channel.
     """
 
     def __init__(self, rig: Rig) -> None:
         config, bench = rig.config, rig.config.simulation
-        self._acquisition = _acquisition(rig)
-        self._speed_profile = _speed_profile(rig)
-        self._motion: MotionComponent = shaft_motion(rig, self._speed_profile, self._acquisition)
-        rate = self._acquisition.rate
-        self._n_samples = int(bench.profile[-1].time_s * rate)
-        self._probe_rows = [self._acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y)]
-        self._tacho_row = self._acquisition.row(Role.TACHO)
+        self.acquisition = _acquisition(rig)
+        self.speed_profile = make_speed_profile(bench)
+        self.n_samples = int(bench.profile[-1].time_s * self.acquisition.rate)
+        self.n_read = 0
+        self._bench = bench
+        self._motion = shaft_motion(rig, self.speed_profile, self.acquisition)
+        x, y, tacho = (self.acquisition.row(role) for role in (Role.PROBE_X, Role.PROBE_Y, Role.TACHO))
+        self._probe_rows, self._tacho_row = [x, y], tacho
         self._probes = [
-            SimulatedProbe(
-                rig.calibrations[config.channel[row].name],
-                standing_gap=bench.gap_um[number] * MICROMETRE,
-                noise=bench.sensor_noise_um * MICROMETRE,
-                bandwidth=bench.sensor_bandwidth_hz,
-                glitches=(bench.glitches_per_s, bench.glitch_um * MICROMETRE),
-                rate=rate,
-                key=(bench.seed, number),
-            )
+            SimulatedProbe(rig.calibrations[config.channel[row].name], bench, number, self.acquisition.rate)
             for number, row in enumerate(self._probe_rows)
         ]
-        self._tacho = SimulatedTacho(
-            tacho=rig.tacho,
-            signal=TachoSignal(
-                high=bench.tacho_high_v,
-                low=bench.tacho_low_v,
-                rise=bench.tacho_rise_us * MICROSECOND,
-                jitter=bench.tacho_jitter_us * MICROSECOND,
-            ),
-            speed_profile=self._speed_profile,
-            seed=bench.seed,
-        )
-        self._tacho_noise = bench.tacho_noise_v
-        self._wiring = SimulatedWiring(
-            bench.miswiring, SensorRows(self._probe_rows[0], self._probe_rows[1], self._tacho_row), bench.seed
-        )
-        self._seed = bench.seed
+        self._tacho = SimulatedTacho(rig.tacho, bench, self.speed_profile)
+        self._wiring = FAULTS[bench.miswiring](SensorRows(x, y, tacho), bench.seed)
         self._portion = 0
         self._left = np.empty((len(config.channel), 0), dtype=np.int16)
-        self._n_read = 0
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The acquisition, as the driver of a real card would report it."""
-        return self._acquisition
-
-    @property
-    def speed_profile(self) -> SpeedProfile:
-        """The shaft's true speed and angle."""
-        return self._speed_profile
-
-    @property
-    def n_samples(self) -> int:
-        """Length of the whole run, samples per channel."""
-        return self._n_samples
-
-    @property
-    def n_read(self) -> int:
-        """Samples per channel read so far."""
-        return self._n_read
 
     def skip(self, n: int) -> None:
         """Discard samples, as lost in an overrun."""
@@ -136,7 +102,7 @@ class SimulatedCard:
 
     def next_codes(self, n: int) -> NDArray[np.int16]:
         """Return the next codes, shape (n_channels, n); fewer at the end of the run, none after it."""
-        wanted = min(n, self._n_samples - self._n_read)
+        wanted = min(n, self.n_samples - self.n_read)
         parts = [self._left[:, :wanted]]
         self._left = self._left[:, wanted:]
         missing = wanted - parts[0].shape[1]
@@ -145,7 +111,7 @@ class SimulatedCard:
             parts.append(portion[:, :missing])
             self._left = portion[:, missing:]
             missing -= parts[-1].shape[1]
-        self._n_read += wanted
+        self.n_read += wanted
         return np.concatenate(parts, axis=1)
 
     def ticks(self, first: int, stop: int, begin: int = 0) -> NDArray[np.int64]:
@@ -163,7 +129,7 @@ class SimulatedCard:
         ndarray of int64, shape (n_pulses,)
             Whole ticks of the timebase from the counter's start to the edges; empty without a counter.
         """
-        counter, rate = self._acquisition.tacho.counter, self._acquisition.rate
+        counter, rate = self.acquisition.tacho.counter, self.acquisition.rate
         if counter is None or stop <= first or not self._wiring.reaches_counter:
             return np.empty(0, np.int64)
         times = self._tacho.stamps(first / rate, stop / rate, counter.edge)
@@ -171,33 +137,22 @@ class SimulatedCard:
 
     def _next_portion(self) -> NDArray[np.int16]:
         """Return the codes of the run's next portion."""
-        acquisition, portion = self._acquisition, self._portion
+        acquisition, portion = self.acquisition, self._portion
         time = (portion * PORTION + np.arange(PORTION)) / acquisition.rate
         lags = np.arange(len(acquisition.channels)) / acquisition.convert_rate
-        displacement = self._motion.advance(SamplingInstants.along(self._speed_profile, time, lags[self._probe_rows]))
+        instants = SamplingInstants.along(self.speed_profile, time, lags[self._probe_rows])
+        displacement = np.sum([component.advance(instants) for component in self._motion], axis=0)
         volts = np.empty((len(acquisition.channels), PORTION))
         for row, probe, moved in zip(self._probe_rows, self._probes, displacement, strict=True):
             volts[row] = probe.volts(portion, moved)
-        noise = random_stream(self._seed, StreamPurpose.TACHO_NOISE, portion).standard_normal(PORTION)
-        volts[self._tacho_row] = self._tacho.volts(time + lags[self._tacho_row]) + self._tacho_noise * noise
+        noise = random_stream(self._bench.seed, StreamPurpose.TACHO_NOISE, portion).standard_normal(PORTION)
+        volts[self._tacho_row] = self._tacho.volts(time + lags[self._tacho_row]) + self._bench.tacho_noise_v * noise
         self._portion += 1
-        at_inputs = self._wiring.transmit(portion, time, volts)
-        codes = np.empty(at_inputs.shape, dtype=np.int16)
+        self._wiring.apply(time, volts, random_stream(self._bench.seed, StreamPurpose.WIRING_NOISE, portion))
+        codes = np.empty(volts.shape, dtype=np.int16)
         for row, channel in enumerate(acquisition.channels):
-            codes[row] = quantized(at_inputs[row], channel.scaling)
+            codes[row] = quantized(volts[row], channel.scaling)
         return codes
-
-
-def _speed_profile(rig: Rig) -> SpeedProfile:
-    bench = rig.config.simulation
-    return make_speed_profile(
-        [point.time_s for point in bench.profile],
-        [point.speed_rpm * RPM for point in bench.profile],
-        random_stream(bench.seed, StreamPurpose.SPEED),
-        rms=bench.speed_fluctuation,
-        correlation_time=bench.fluctuation_time_s,
-        drift=bench.speed_drift / 60.0,
-    )
 
 
 def _acquisition(rig: Rig) -> Acquisition:
@@ -250,15 +205,11 @@ class SimulatedSource:
         self._block = block
         self._buffer = buffer
         self._real_time = real_time
+        self.acquisition = card.acquisition  # as the driver of a real card would report it
         self._restarts = restarts
         self._stopping = StopFlag()
         self._started = 0.0
         self._read = 0  # samples per channel delivered in this segment
-
-    @property
-    def acquisition(self) -> Acquisition:
-        """The acquisition, as the driver of a real card would report it."""
-        return self._card.acquisition
 
     def blocks(self) -> Iterator[SourceItem]:
         """Start, and yield blocks and segment ends until stopped or until the speed profile ends.

@@ -1,7 +1,6 @@
 """The simulated shaft's motion at the probes: run-out, synchronous motion, prescribed whirl, or the rotor model's."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from analysis.signals.header import Acquisition, Role
 from analysis.signals.units import MICROMETRE, RPM
 from daq.config.rig import Rig, model_parameters
-from daq.config.schema import SimulationSection
 from daq.drivers.simulation import StreamPurpose, random_stream
 from daq.drivers.simulation.speed import SpeedProfile
 from model.dynamics.motion import STEPS_PER_TURN, ShaftMotion
@@ -162,26 +160,6 @@ class PrescribedWhirl:
         return np.asarray(envelope * np.cos(self.order * instants.angle + (self.phase - seats)), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
-class MotionSum:
-    """The sum of several components.
-
-    Parameters
-    ----------
-    parts : sequence of MotionComponent
-        At least one.
-    """
-
-    parts: Sequence[MotionComponent]
-
-    def advance(self, instants: SamplingInstants) -> FloatArray:
-        """Return the displacement towards each probe, m; see `MotionComponent`."""
-        total = self.parts[0].advance(instants)
-        for part in self.parts[1:]:
-            total += part.advance(instants)
-        return total
-
-
 def circular_vectors(amplitude: float, phase: float, angles: tuple[float, float]) -> ComplexArray:
     """Return the vectors at two probes of a forward circular motion with given amplitude, m peak, and phase, rad."""
     return np.asarray(amplitude * np.exp(1j * (phase - np.array(angles))), dtype=np.complex128)
@@ -270,8 +248,8 @@ N_SPEEDS = 48  # at which the synchronous response is computed
 MIN_SPEED = 50.0  # rad/s: below it the response is assumed to fall to zero
 
 
-def shaft_motion(rig: Rig, speed_profile: SpeedProfile, acquisition: Acquisition) -> MotionComponent:
-    """Return the motion that `[simulation]` configures.
+def shaft_motion(rig: Rig, speed_profile: SpeedProfile, acquisition: Acquisition) -> list[MotionComponent]:
+    """Return the components of the motion that `[simulation]` configures.
 
     Parameters
     ----------
@@ -298,12 +276,8 @@ def shaft_motion(rig: Rig, speed_profile: SpeedProfile, acquisition: Acquisition
         second=circular_vectors(bench.second_order_um * MICROMETRE, second, angles),
     )
     if bench.motion == "model":
-        return MotionSum([run_out, ModelMotion(model_parameters(rig.config), speed_profile, acquisition.rate, angles)])
-    return MotionSum([run_out, _synchronous(rig, speed_profile, angles), *_whirls(bench, angles, phases)])
-
-
-def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[float]) -> list[PrescribedWhirl]:
-    return [
+        return [run_out, ModelMotion(model_parameters(rig.config), speed_profile, acquisition.rate, angles)]
+    whirls = [
         PrescribedWhirl(
             angles=angles,
             order=whirl.order,
@@ -315,6 +289,7 @@ def _whirls(bench: SimulationSection, angles: tuple[float, float], phases: list[
         )
         for whirl, phase in zip(bench.whirl, phases, strict=True)
     ]
+    return [run_out, _synchronous(rig, speed_profile, angles), *whirls]
 
 
 def _synchronous(rig: Rig, speed_profile: SpeedProfile, angles: tuple[float, float]) -> SynchronousMotion:

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from analysis.signals.header import Calibration, Edge, Tacho
+from analysis.signals.units import MICROMETRE, MICROSECOND
+from daq.config.schema import SimulationSection
 from daq.drivers.simulation import StreamPurpose, random_stream
 from daq.drivers.simulation.speed import SpeedProfile
 
@@ -80,38 +82,22 @@ class SimulatedProbe:
     ----------
     calibration : Calibration
         Calibration of the probe.
-    standing_gap : float
-        Gap with the shaft in the bearing's centre, m.
-    noise : float
-        Noise of the conditioner, m rms.
-    bandwidth : float
-        Bandwidth of the conditioner, Hz.
-    glitches : tuple of float
-        Glitches per second, and the rms of their heights, m.
+    bench : SimulationSection
+        Gap, noise, bandwidth and glitches.
+    number : int
+        Number of the probe: 0 for x, 1 for y.
     rate : float
         Sample rate, Hz.
-    key : tuple of int
-        Seed of the run and number of the probe.
     """
 
-    def __init__(
-        self,
-        calibration: Calibration,
-        *,
-        standing_gap: float,
-        noise: float,
-        bandwidth: float,
-        glitches: tuple[float, float],
-        rate: float,
-        key: tuple[int, int],
-    ) -> None:
-        self._gap_to_volts = GapToVolts(calibration)
-        self._standing_gap = standing_gap
-        self._noise = noise * abs(self._gap_to_volts.slope(standing_gap))
-        self._low_pass = FirstOrderLowPass(bandwidth, rate)
-        self._glitches = glitches
+    def __init__(self, calibration: Calibration, bench: SimulationSection, number: int, rate: float) -> None:
+        self._bench = bench
+        self._number = number
         self._rate = rate
-        self._seed, self._number = key
+        self._gap_to_volts = GapToVolts(calibration)
+        self._standing_gap = bench.gap_um[number] * MICROMETRE  # with the shaft in the bearing's centre
+        self._noise = bench.sensor_noise_um * MICROMETRE * abs(self._gap_to_volts.slope(self._standing_gap))
+        self._low_pass = FirstOrderLowPass(bench.sensor_bandwidth_hz, rate)
 
     def volts(self, portion: int, displacement: FloatArray) -> FloatArray:
         """Return the conditioner's output, V, in the next fixed portion of the run.
@@ -125,46 +111,25 @@ class SimulatedProbe:
         """
         gap = self._standing_gap - displacement - self._glitch(portion, displacement.size)
         volts = self._low_pass(self._gap_to_volts(gap))
-        rng = random_stream(self._seed, StreamPurpose.PROBE_NOISE, self._number, portion)
+        rng = random_stream(self._bench.seed, StreamPurpose.PROBE_NOISE, self._number, portion)
         return volts + self._noise * rng.standard_normal(displacement.size)
 
     def _glitch(self, portion: int, n: int) -> FloatArray | float:
         """Return the glitches of a portion, m: half sine waves too short to be shaft motion."""
-        per_second, height = self._glitches
-        rng = random_stream(self._seed, StreamPurpose.GLITCHES, self._number, portion)
-        count = int(rng.poisson(per_second * n / self._rate))
+        rng = random_stream(self._bench.seed, StreamPurpose.GLITCHES, self._number, portion)
+        count = int(rng.poisson(self._bench.glitches_per_s * n / self._rate))
         length = min(max(int(GLITCH_LENGTH * self._rate), 1), n)
         if count == 0:
             return 0.0
         glitches = np.zeros(n)
         shape = np.sin(np.pi * (np.arange(length) + 0.5) / length)
         for start in rng.integers(0, n - length + 1, size=count):
-            glitches[start : start + length] += height * rng.standard_normal() * shape
+            glitches[start : start + length] += self._bench.glitch_um * MICROMETRE * rng.standard_normal() * shape
         return glitches
 
 
 TURN = 2.0 * np.pi
 JITTER_BLOCK = 256  # edges whose jitter is drawn together
-
-
-@dataclass(frozen=True, slots=True)
-class TachoSignal:
-    """Levels and imperfections of the tacho's output.
-
-    Parameters
-    ----------
-    high, low : float
-        Voltage with and without the mark in view, V.
-    rise : float
-        Time from one level to the other, s.
-    jitter : float
-        Jitter of each edge, s rms.
-    """
-
-    high: float
-    low: float
-    rise: float
-    jitter: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,18 +142,15 @@ class SimulatedTacho:
     ----------
     tacho : Tacho
         Mark fraction, timed edge, delay and threshold.
-    signal : TachoSignal
-        Levels and imperfections.
+    bench : SimulationSection
+        Levels of the output, rise time, jitter and seed.
     speed_profile : SpeedProfile
         Speed of the shaft.
-    seed : int
-        Seed of the run.
     """
 
     tacho: Tacho
-    signal: TachoSignal
+    bench: SimulationSection
     speed_profile: SpeedProfile
-    seed: int
 
     def volts(self, time: FloatArray) -> FloatArray:
         """Return the voltage, V, at rising times, s."""
@@ -196,12 +158,13 @@ class SimulatedTacho:
         if times.size == 0:
             angle, _ = self.speed_profile.angle_and_speed(time[:1] - self.tacho.delay)
             return np.full(time.size, self._level_at(float(angle[0])))
-        crossing = (self.tacho.threshold - self.signal.low) / (self.signal.high - self.signal.low)
+        high, low, rise = self.bench.tacho_high_v, self.bench.tacho_low_v, self.bench.tacho_rise_us * MICROSECOND
+        crossing = (self.tacho.threshold - low) / (high - low)
         rising = (numbers % 2 == 0) == (self.tacho.edge is Edge.RISING)
-        before = np.where(rising, crossing, 1.0 - crossing) * self.signal.rise
-        corners = np.stack([times - before, times - before + self.signal.rise], axis=1).ravel()
-        levels = np.where(rising, self.signal.high, self.signal.low)
-        ends = np.stack([self.signal.high + self.signal.low - levels, levels], axis=1).ravel()
+        before = np.where(rising, crossing, 1.0 - crossing) * rise
+        corners = np.stack([times - before, times - before + rise], axis=1).ravel()
+        levels = np.where(rising, high, low)
+        ends = np.stack([high + low - levels, levels], axis=1).ravel()
         return np.asarray(np.interp(time, np.maximum.accumulate(corners), ends), dtype=np.float64)
 
     def stamps(self, first: float, last: float, edge: Edge) -> FloatArray:
@@ -230,14 +193,14 @@ class SimulatedTacho:
 
     def _level_at(self, angle: float) -> float:
         after_timed = angle * self.tacho.pulses_per_revolution / TURN % 1.0 < self._second_edge
-        return self.signal.high if after_timed == (self.tacho.edge is Edge.RISING) else self.signal.low
+        return self.bench.tacho_high_v if after_timed == (self.tacho.edge is Edge.RISING) else self.bench.tacho_low_v
 
     def _jitter(self, numbers: NDArray[np.int64]) -> FloatArray:
         """Return the jitter of consecutive edges, s."""
         blocks = range(int(numbers[0]) // JITTER_BLOCK, int(numbers[-1]) // JITTER_BLOCK + 1)
         drawn = [
-            random_stream(self.seed, StreamPurpose.TACHO_JITTER, block).standard_normal(JITTER_BLOCK)
+            random_stream(self.bench.seed, StreamPurpose.TACHO_JITTER, block).standard_normal(JITTER_BLOCK)
             for block in blocks
         ]
         scatter = np.concatenate(drawn)[numbers - blocks[0] * JITTER_BLOCK]
-        return np.asarray(self.signal.jitter * scatter, dtype=np.float64)
+        return np.asarray(self.bench.tacho_jitter_us * MICROSECOND * scatter, dtype=np.float64)

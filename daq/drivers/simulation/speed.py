@@ -1,11 +1,14 @@
 """Speed and angle of the simulated shaft as functions of time."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+
+from analysis.signals.units import RPM
+from daq.config.schema import SimulationSection
+from daq.drivers.simulation import StreamPurpose, random_stream
 
 FloatArray = NDArray[np.float64]
 
@@ -82,34 +85,14 @@ def fluctuation(rng: np.random.Generator, n: int, correlation: float) -> FloatAr
     return np.asarray(slow / np.sqrt(variance), dtype=np.float64)
 
 
-def make_speed_profile(
-    times: Sequence[float],
-    speeds: Sequence[float],
-    rng: np.random.Generator,
-    *,
-    rms: float,
-    correlation_time: float,
-    drift: float,
-) -> SpeedProfile:
-    """Return the speed profile through given corners, with random fluctuation.
-
-    Parameters
-    ----------
-    times, speeds : sequence of float
-        Corners, s (rising, from 0) and rad/s.
-    rng : Generator
-        Source of the fluctuation and of the initial angle.
-    rms : float
-        RMS of the fluctuation, relative to the speed.
-    correlation_time : float
-        Correlation time of the fluctuation, s.
-    drift : float
-        Relative change of speed per second.
-    """
+def make_speed_profile(bench: SimulationSection) -> SpeedProfile:
+    """Return the speed profile through the corners in `[simulation]`, with random fluctuation and drift."""
+    rng = random_stream(bench.seed, StreamPurpose.SPEED)
+    times, speeds = [point.time_s for point in bench.profile], [point.speed_rpm * RPM for point in bench.profile]
     knots = int(np.ceil((times[-1] + LEAD_IN + LEAD_OUT) / KNOT_STEP)) + 1
     time = -LEAD_IN + KNOT_STEP * np.arange(knots)
-    noise = fluctuation(rng, knots, correlation_time / KNOT_STEP)
-    speed = np.interp(time, times, speeds) * (1.0 + rms * noise) * (1.0 + drift * np.maximum(time, 0.0))
-    speed = np.maximum(speed, 0.0)
+    noise = fluctuation(rng, knots, bench.fluctuation_time_s / KNOT_STEP)
+    drift = 1.0 + bench.speed_drift / 60.0 * np.maximum(time, 0.0)
+    speed = np.maximum(np.interp(time, times, speeds) * (1.0 + bench.speed_fluctuation * noise) * drift, 0.0)
     turned = np.concatenate(([0.0], np.cumsum(0.5 * KNOT_STEP * (speed[1:] + speed[:-1]))))
     return SpeedProfile(start=-LEAD_IN, step=KNOT_STEP, speeds=speed, angles=rng.uniform(0.0, 2.0 * np.pi) + turned)

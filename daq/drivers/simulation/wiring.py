@@ -1,7 +1,7 @@
 """The wiring between the simulated sensors and the card, and the wiring faults that a preflight should detect.
 
-Each fault is one class. Its constructor draws the size of the fault from the seed of the run. `apply` gives the effect
-at given times, so that it does not depend on how the run is divided.
+Each fault is one class. Its constructor draws the size of the fault from the seed of the run, the same throughout the
+run. `apply` gives the effect at given times, so that it does not depend on how the run is divided.
 """
 
 import math
@@ -75,7 +75,7 @@ class OpenInput(WiringFault):
     """Nothing is connected to an input; its bias resistor pulls it to zero."""
 
     def __init__(self, row: int, seed: int, *, is_tacho: bool = False) -> None:
-        size = _size_stream(seed)
+        size = random_stream(seed, StreamPurpose.WIRING)
         self._row = row
         self._offset, self._rms = size.uniform(-OPEN_OFFSET, OPEN_OFFSET), size.uniform(*OPEN_NOISE)
         self.reaches_counter = not is_tacho
@@ -139,7 +139,7 @@ class ConstantOutput(WiringFault):
 
     def __init__(self, row: int, volts: tuple[float, float], seed: int) -> None:
         self._row = row
-        self._volts = _size_stream(seed).uniform(*volts)
+        self._volts = random_stream(seed, StreamPurpose.WIRING).uniform(*volts)
 
     def apply(self, time: FloatArray, volts: FloatArray, noise: np.random.Generator) -> None:
         """Replace the voltage by a constant with the conditioner's noise."""
@@ -164,7 +164,7 @@ class WeakTacho(WiringFault):
 
     def __init__(self, row: int, seed: int) -> None:
         self._row = row
-        self._part = _size_stream(seed).uniform(*WEAK)
+        self._part = random_stream(seed, StreamPurpose.WIRING).uniform(*WEAK)
 
     def apply(self, _time: FloatArray, volts: FloatArray, _noise: np.random.Generator) -> None:
         """Attenuate the voltage."""
@@ -175,7 +175,7 @@ class MainsHum(WiringFault):
     """A ground loop that adds mains hum with its third harmonic to both probes."""
 
     def __init__(self, rows: list[int], seed: int) -> None:
-        size = _size_stream(seed)
+        size = random_stream(seed, StreamPurpose.WIRING)
         self._rows = rows
         self._frequency, self._deviation = size.choice([50.0, 60.0]), size.uniform(0.999, 1.001)
         self._phase = size.uniform(0.0, 2.0 * np.pi)
@@ -204,46 +204,3 @@ FAULTS: Final[dict[Miswiring, Callable[[SensorRows, int], WiringFault]]] = {
     Miswiring.HUM: lambda rows, seed: MainsHum([rows.x, rows.y], seed),
 }
 """The fault for each value of `[simulation] miswiring`, from the rows of the sensors and the seed of the run."""
-
-
-class SimulatedWiring:
-    """Transmits the sensors' voltages to the card's inputs, with a wiring fault.
-
-    Parameters
-    ----------
-    miswiring : Miswiring
-        The fault.
-    rows : SensorRows
-        Rows of the sensors.
-    seed : int
-        Seed of the run; determines the size of the fault.
-    """
-
-    def __init__(self, miswiring: Miswiring, rows: SensorRows, seed: int) -> None:
-        self._fault = FAULTS[miswiring](rows, seed)
-        self._seed = seed
-
-    @property
-    def reaches_counter(self) -> bool:
-        """Whether the tacho's edges cross the logic levels of the counter's line."""
-        return self._fault.reaches_counter
-
-    def transmit(self, portion: int, time: FloatArray, volts: FloatArray) -> FloatArray:
-        """Return the voltages at the inputs, V, for the sensors' voltages.
-
-        Parameters
-        ----------
-        portion : int
-            Number of the portion of the run.
-        time : ndarray of float64, shape (n,)
-            Sample times, s.
-        volts : ndarray of float64, shape (n_channels, n)
-            The sensors' voltages, V; may be overwritten.
-        """
-        self._fault.apply(time, volts, random_stream(self._seed, StreamPurpose.WIRING_NOISE, portion))
-        return volts
-
-
-def _size_stream(seed: int) -> np.random.Generator:
-    """Return the random stream that determines the size of a fault, the same throughout the run."""
-    return random_stream(seed, StreamPurpose.WIRING)

@@ -17,9 +17,9 @@ from multiprocessing.connection import Connection
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
-from daq.drivers.factory import apply_trigger, open_source
+from daq.drivers.factory import open_source
 from daq.drivers.source import Source
-from daq.drivers.triggered import TriggerStart
+from daq.drivers.triggered import TriggerStart, apply_trigger
 from daq.errors import RigError, StoppedError, UsageError
 from daq.session.processes import ignore_terminal_signals
 from daq.session.recording.messages import (

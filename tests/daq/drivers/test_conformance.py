@@ -24,7 +24,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import Role
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.source import Source
 from daq.session.recording.recorder import run_header
@@ -133,10 +133,10 @@ class Replayed:
         return writer.path
 
     def open(self) -> Source:
-        return open_replay(self._whole, None)
+        return ReplaySource(self._whole, None)
 
     def open_with_overrun(self) -> Source:
-        return open_replay(self._gapped, None)
+        return ReplaySource(self._gapped, None)
 
     def truth(self, n: int) -> Codes:
         return self._simulated.truth(n)

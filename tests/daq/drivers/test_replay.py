@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition, AnalysisSettings, Channel, Device, Limits, Role, RunHeader, Tacho
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from recordings.errors import DamagedError, NotFoundError
 from recordings.mcap.writer import RunWriter
+from tests.daq.support.reblocking import reblocked
 
 RATE = 10_000.0
 BLOCK = 500
@@ -59,8 +60,8 @@ def ends_in(items: Iterable[SourceItem]) -> tuple[SegmentEnd, ...]:
 
 @pytest.mark.parametrize("block", [None, 1, 7, 499, 500, 501, 2_000, 100_000])
 def test_samples_and_ends_equal_the_recorded_ones_for_any_block_size(run: Path, block: int | None) -> None:
-    source = open_replay(run, None, block=block)
-    items = list(source.blocks())
+    source = ReplaySource(run, None)
+    items = list(reblocked(source, block))
     source.close()
     assert ends_in(items) == ENDS
     for end in ENDS:
@@ -75,8 +76,8 @@ def test_samples_and_ends_equal_the_recorded_ones_for_any_block_size(run: Path, 
 
 
 def test_new_blocks_have_the_host_time_of_their_last_samples_recorded_block(run: Path) -> None:
-    source = open_replay(run, None, block=750)
-    blocks = [item for item in source.blocks() if isinstance(item, SampleBlock) and item.segment == 0]
+    source = ReplaySource(run, None)
+    blocks = [item for item in reblocked(source, 750) if isinstance(item, SampleBlock) and item.segment == 0]
     source.close()
     assert [b.end for b in blocks] == [750, 1500, 2250, 3000, 3250]
     assert [b.backlog for b in blocks] == [1, 2, 4, 5, 6]
@@ -84,14 +85,14 @@ def test_new_blocks_have_the_host_time_of_their_last_samples_recorded_block(run:
 
 
 def test_acquisition_equals_the_recorded_one_including_the_device(run: Path) -> None:
-    source = open_replay(run, None)
+    source = ReplaySource(run, None)
     assert source.acquisition == HEADER.acquisition
     assert source.header == HEADER
     source.close()
 
 
 def test_replay_keeps_its_pace_over_a_gap(run: Path) -> None:
-    source = open_replay(run, 2.0)
+    source = ReplaySource(run, 2.0)
     started = time.monotonic()
     due = [
         (time.monotonic() - started, (item.end + 4_250 * item.segment) / RATE / 2.0)
@@ -104,7 +105,7 @@ def test_replay_keeps_its_pace_over_a_gap(run: Path) -> None:
 
 
 def test_replay_catches_up_after_a_late_reader(run: Path) -> None:
-    source = open_replay(run, 1.0)
+    source = ReplaySource(run, 1.0)
     started = time.monotonic()
     late = []
     for item in source.blocks():
@@ -117,7 +118,7 @@ def test_replay_catches_up_after_a_late_reader(run: Path) -> None:
 
 
 def test_stop_from_another_thread_ends_the_replay_at_once(run: Path) -> None:
-    source = open_replay(run, 0.01)
+    source = ReplaySource(run, 0.01)
     timer = threading.Timer(0.05, source.stop)
     started = time.monotonic()
     timer.start()
@@ -129,7 +130,7 @@ def test_stop_from_another_thread_ends_the_replay_at_once(run: Path) -> None:
 
 
 def test_stopped_replay_ends_its_segment_at_the_current_sample(run: Path) -> None:
-    source = open_replay(run, None)
+    source = ReplaySource(run, None)
     items = []
     for item in source.blocks():
         items.append(item)
@@ -142,13 +143,13 @@ def test_stopped_replay_ends_its_segment_at_the_current_sample(run: Path) -> Non
 
 def test_truncated_recording_is_replayed_up_to_its_end(run: Path) -> None:
     run.write_bytes(run.read_bytes()[:-20])
-    source = open_replay(run, None)
+    source = ReplaySource(run, None)
     assert ends_in(source.blocks()) == ENDS
     source.close()
 
 
 def test_unreadable_file_ends_the_segment(run: Path) -> None:
-    source = open_replay(run, None)
+    source = ReplaySource(run, None)
     items = []
     for item in source.blocks():
         items.append(item)
@@ -161,21 +162,16 @@ def test_unreadable_file_ends_the_segment(run: Path) -> None:
 
 def test_missing_recording_is_named(tmp_path: Path) -> None:
     with pytest.raises(NotFoundError, match=r"gone\.mcap"):
-        open_replay(tmp_path / "gone.mcap")
+        ReplaySource(tmp_path / "gone.mcap")
 
 
 def test_damaged_recording_is_named(tmp_path: Path) -> None:
     (tmp_path / "run.mcap").write_bytes(b"")
     with pytest.raises(DamagedError, match="is empty"):
-        open_replay(tmp_path / "run.mcap")
+        ReplaySource(tmp_path / "run.mcap")
 
 
 @pytest.mark.parametrize("pace", [0.0, -1.0, float("nan")])
 def test_invalid_pace_is_refused(run: Path, pace: float) -> None:
     with pytest.raises(ValueError, match="pace:"):
-        open_replay(run, pace)
-
-
-def test_block_without_samples_is_refused(run: Path) -> None:
-    with pytest.raises(ValueError, match="block: 0 samples"):
-        open_replay(run, None, block=0)
+        ReplaySource(run, pace)

@@ -10,7 +10,7 @@ from analysis.signals.header import Severity
 from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.main import main
 from daq.cli.progress import status_line
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.session.live_update import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
@@ -62,7 +62,7 @@ def test_replay_gives_the_same_alarms_unacknowledged(rig: RigFactory, tmp_path: 
     run.close()
     with RunReader(run.path) as reader:
         header, expected = reader.header, summarise(reader).alarms
-    source = open_replay(run.path, None)
+    source = ReplaySource(run.path, None)
     replayed = ReplayedRun(header, source, NoModel())
     assert replayed.wait(60)
     assert replayed.summary().alarms == expected

@@ -14,13 +14,14 @@ from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.errors import ConfigError, UsageError
 from daq.session.offline import corrected_header, summarise, with_reference_runout
 from recordings.mcap.reader import RunReader
 from recordings.mcap.writer import RunWriter
 from tests.daq.conftest import RigFactory, RigFiles
 from tests.daq.support.counted_bench import analysed, encoded_snapshots
+from tests.daq.support.reblocking import reblocked
 from tests.daq.support.recorded_bench import record_run
 
 RUN_UP = {"profile": [{"time_s": 0.0, "speed_rpm": 4000.0}, {"time_s": 2.0, "speed_rpm": 9000.0}]}
@@ -102,9 +103,9 @@ def test_offline_results_equal_live_results_for_any_block_size(
     rig: RigFactory, tmp_path: Path, block: int | None
 ) -> None:
     path = record_run(rig(simulation=RUN_UP), tmp_path)  # with the results of a live analysis
-    with RunReader(path) as reader, closing(open_replay(path, None, block=block)) as source:
+    with RunReader(path) as reader, closing(ReplaySource(path, None)) as source:
         live = list(reader.snapshots())
-        offline = analysed(reader.header, source.blocks())
+        offline = analysed(reader.header, reblocked(source, block))
         assert sum(snapshot.frame is not None for snapshot in live) >= 10
         assert encoded_snapshots(reader.header, offline) == encoded_snapshots(reader.header, live)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.signals.units import RPM
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.schemas.live import live_schema
 from daq.session.predictor import Predictor
 from daq.session.replayed_run import ReplayedRun
@@ -34,7 +34,7 @@ def test_updates_at_steady_speed_have_exact_prediction(rig: RigFactory, tmp_path
         while (known := model.at(SPEED)) is None or not known.is_exact:
             assert time.monotonic() < end
             time.sleep(0.01)
-        replayed = ReplayedRun(header, open_replay(path, None), model)
+        replayed = ReplayedRun(header, ReplaySource(path, None), model)
         assert replayed.wait(30.0)
         with closing(replayed):
             document = live_schema(replayed.latest())

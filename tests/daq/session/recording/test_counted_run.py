@@ -13,10 +13,10 @@ from analysis.signals.blocks import SampleBlock, SourceItem
 from analysis.signals.snapshot import CounterState, TachoState
 from analysis.signals.units import RPM
 from daq.config.schema import TriggerSection
-from daq.drivers.factory import apply_trigger, open_source
-from daq.drivers.replay import open_replay
+from daq.drivers.factory import open_source
+from daq.drivers.replay import ReplaySource
 from daq.drivers.simulation.card import SimulatedCard
-from daq.drivers.triggered import TriggerStart
+from daq.drivers.triggered import TriggerStart, apply_trigger
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.ring import BlockRing
 from recordings.integrity.recover import recover
@@ -34,6 +34,7 @@ from tests.daq.support.counted_bench import (
     recorded,
     ticks_of,
 )
+from tests.daq.support.reblocking import reblocked
 from tests.daq.support.recording import NoModel, recording_request
 
 SPEED = 6123.4567  # r/min, with a non-integer number of ticks per turn
@@ -111,7 +112,7 @@ def test_stamps_are_read_back_from_the_file_bit_for_bit(counted: RigFactory, tmp
     rig = counted(reference)
     items = items_of(rig)
     path = recorded(rig, tmp_path, items)
-    source = open_replay(path, None)
+    source = ReplaySource(path, None)
     again = list(source.blocks())
     source.close()
     assert source.acquisition.tacho.counter == rig.tacho.counter
@@ -130,8 +131,8 @@ def test_results_do_not_depend_on_the_block_size(counted: RigFactory, tmp_path: 
     path = recorded(counted(simulation={"profile": RISING["profile"], "sensor_noise_um": 0.5}), tmp_path)
     with RunReader(path) as reader:
         header, live = reader.header, encoded_snapshots(reader.header, reader.snapshots())
-    source = open_replay(path, None, block=block)
-    assert encoded_snapshots(header, analysed(header, source.blocks())) == live
+    source = ReplaySource(path, None)
+    assert encoded_snapshots(header, analysed(header, reblocked(source, block))) == live
     source.close()
 
 
@@ -145,8 +146,8 @@ def test_results_with_a_late_counter_do_not_depend_on_the_block_size(
         header, live = reader.header, encoded_snapshots(reader.header, reader.snapshots())
         snapshots = list(reader.snapshots())[10:]
     assert all(snapshot.tacho.state is TachoState.GOOD and snapshot.frame is not None for snapshot in snapshots)
-    source = open_replay(path, None, block=block)
-    assert encoded_snapshots(header, analysed(header, source.blocks())) == live
+    source = ReplaySource(path, None)
+    assert encoded_snapshots(header, analysed(header, reblocked(source, block))) == live
     source.close()
 
 
@@ -164,8 +165,8 @@ def test_speed_comes_from_the_samples_after_the_counter_fails(
     (finding,) = verify(path).findings
     assert "the tacho's counter failed" in finding.what
     assert not finding.is_fault
-    source = open_replay(path, None, block=block)
-    assert encoded_snapshots(header, analysed(header, source.blocks())) == encoded_snapshots(header, snapshots)
+    source = ReplaySource(path, None)
+    assert encoded_snapshots(header, analysed(header, reblocked(source, block))) == encoded_snapshots(header, snapshots)
     source.close()
 
 

@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from daq.cli.main import main
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.session.live_update import TimedMarker
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.replayed_run import ReplayedRun
@@ -68,7 +68,7 @@ def test_marker_is_shown_live_from_its_sample_on_and_again_in_a_replay(rig: RigF
     updates = UpdateList()
     with RunReader(run.path) as reader:
         markers = reader.markers()
-    with closing(open_replay(run.path, None)) as source:
+    with closing(ReplaySource(run.path, None)) as source:
         replayed = ReplayedRun(run.header, source, NoModel(), [updates], markers)
         assert replayed.wait(60)
         replayed.close()

@@ -19,7 +19,7 @@ from analysis.signals.blocks import EndReason
 from analysis.signals.snapshot import Snapshot
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.drivers.replay import open_replay
+from daq.drivers.replay import ReplaySource
 from daq.drivers.simulation.card import SimulatedCard
 from daq.errors import RigError
 from daq.session.live_analysis import LiveAnalysis
@@ -33,6 +33,7 @@ from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory
+from tests.daq.support.reblocking import reblocked
 from tests.daq.support.recording import (
     REAL_TIME,
     RUN,
@@ -68,8 +69,8 @@ def replayed_snapshots(path: Path, block: int | None) -> list[Snapshot]:
     snapshots: list[Snapshot] = []
     with RunReader(path) as reader:
         analysis = LiveAnalysis(reader.header, NoModel().at, [], snapshots.append)
-    with closing(open_replay(path, None, block=block)) as source:
-        for item in source.blocks():
+    with closing(ReplaySource(path, None)) as source:
+        for item in reblocked(source, block):
             analysis.process(item, Status(RunState.REPLAYING))
     return snapshots
 
