@@ -54,9 +54,9 @@ $(ORACLE): tests/validation/ross/requirements.txt
 	.venv-oracle/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 	@touch $(ORACLE)
 
-# The protobuf code is committed; run this after changing recordings/mcap/schema/rig.proto.
+# The protobuf code is committed; run this after changing recordings/mcap/rig.proto.
 proto: $(READY)
-	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings/mcap/schema --python_out=recordings/mcap/schema --pyi_out=recordings/mcap/schema rig.proto
+	$(BIN)/python -m grpc_tools.protoc --proto_path=recordings/mcap --python_out=recordings/mcap --pyi_out=recordings/mcap rig.proto
 
 # Installs what `make run` needs; `make test` installs the test tools as well.
 $(RUNTIME): pyproject.toml constraints.txt

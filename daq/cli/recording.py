@@ -26,8 +26,8 @@ from daq.service.results_reader import ResultsReader
 from daq.session.live_update import RunState, Status, alarm_text
 from daq.session.offline import with_reference_runout
 from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
+from daq.session.recording.recorder import RecordingRequest
 from daq.session.replayed_run import ReplayedRun
 from daq.session.run import Run, RunManager, RunOutcome, SupportsMarkers
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals

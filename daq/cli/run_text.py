@@ -9,8 +9,8 @@ from daq.cli.terminal import print_json, print_lines
 from daq.schemas.events import AlarmSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
 from daq.schemas.vibration import AgreementSchema
-from daq.session.recording.health import MAX_BUFFER_FILL
-from recordings.mcap.markers import MarkerKind
+from daq.session.recording.statistics import MAX_BUFFER_FILL
+from recordings.mcap.results import MarkerKind
 
 
 def print_summary(summary: SummarySchema, *, as_json: bool) -> None:

@@ -10,7 +10,7 @@ from daq.cli.progress import TerminalOutput
 from daq.cli.terminal import print_json
 from daq.schemas.runs import RunSchema, index_report_schema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
 from recordings.integrity.verify import Verdict
 

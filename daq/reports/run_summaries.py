@@ -18,8 +18,8 @@ from daq.session.predictor import PREDICTION_TIMEOUT
 from model.prediction.comparison import compare
 from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.markers import Marker
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import Marker
 
 CACHE_KEY = "summary"
 

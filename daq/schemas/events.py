@@ -10,7 +10,7 @@ from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
 from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
 from daq.session.live_update import TimedMarker, alarm_name, alarm_value_text
-from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, MarkerKind
+from recordings.mcap.results import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
 class TimeInRunSchema(Schema):

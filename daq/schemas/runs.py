@@ -11,7 +11,7 @@ from analysis.signals.snapshot import RunOut
 from daq.schemas.units import Schema, degrees, finite, micrometres, rpm, utc_time
 from daq.schemas.vibration import ProbeVectorsSchema, probe_vectors_schema
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.indexing import IndexReport
+from recordings.catalogue.entry import IndexReport
 
 
 class DeviceSchema(Schema):

@@ -11,7 +11,7 @@ from analysis.signals.header import RunHeader, Severity
 from analysis.signals.snapshot import RunOut, Snapshot
 from analysis.signals.units import MICROMETRE, RPM
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import MAX_MARKER_LENGTH, Marker, MarkerKind
+from recordings.mcap.results import MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
 class RunState(StrEnum):

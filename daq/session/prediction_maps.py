@@ -25,7 +25,7 @@ from model.prediction.prediction_map import (
     prediction_map_key,
 )
 from model.rotor.parameters import ModelParameters
-from recordings.atomic_file import atomic_write
+from recordings.file_operations import atomic_write
 
 OnProgress: TypeAlias = Callable[[int, int], None]
 """Receives the number of speeds done and the total."""

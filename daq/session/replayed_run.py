@@ -11,7 +11,7 @@ from daq.drivers.source import Source
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
 from daq.session.run import LivePredictor, RunOutcome
-from recordings.mcap.markers import Marker
+from recordings.mcap.results import Marker
 
 
 class ReplayedRun:

@@ -13,7 +13,7 @@ from daq.config.rig import Rig
 from daq.errors import RigError, UsageError
 from daq.session.live_update import LiveUpdate
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import Marker
+from recordings.mcap.results import Marker
 
 
 @dataclass(frozen=True, slots=True)

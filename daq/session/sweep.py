@@ -18,7 +18,7 @@ from daq.errors import RigError, UsageError
 from daq.session.processes import end_process, ignore_terminal_signals, lower_priority, terminal_signals_blocked
 from model.rotor.parameters import ModelParameters
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult, compute_points, variable_names
-from recordings.atomic_file import atomic_write
+from recordings.file_operations import atomic_write
 
 
 class SweepStore:

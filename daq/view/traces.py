@@ -15,7 +15,7 @@ from daq.view.axes import AutoScale, Axis, Plot
 from daq.view.drawing import MODEL_DASH, Anchor, Drawing
 from daq.view.stroke_font import text_width
 from model.prediction.prediction_map import Prediction
-from recordings.mcap.markers import MarkerKind
+from recordings.mcap.results import MarkerKind
 
 _COLORS = {MarkerKind.NOTE: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}
 _MAX_LABEL_LENGTH = 26  # characters

@@ -12,12 +12,23 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from recordings.catalogue import annotations, trash
+from recordings.catalogue import trash
 from recordings.catalogue.database import Database
-from recordings.catalogue.entry import RunEntry, RunFile
-from recordings.catalogue.indexing import CachedRun, IndexReport, Summarise, compare, is_current, verdict_of
-from recordings.catalogue.run_store import RunStore, SummarisedRun
-from recordings.catalogue.search import Search
+from recordings.catalogue.entry import (
+    ANNOTATIONS_SUFFIX,
+    CachedRun,
+    IndexReport,
+    RunEntry,
+    RunFile,
+    Summarise,
+    compare,
+    is_current,
+    load_annotations,
+    store_annotations,
+    validated_annotations,
+    verdict_of,
+)
+from recordings.catalogue.run_store import RunStore, Search, SummarisedRun
 from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RecordingError, StorageError
 from recordings.mcap.layout import NANOSECONDS
@@ -119,11 +130,11 @@ class Catalogue:
         """
         path = self.path(run_id)
         with self._store.writer_lock():  # no other process may change the file between reading and writing it
-            before = annotations.load(path)
-            changed = annotations.validated(
+            before = load_annotations(path)
+            changed = validated_annotations(
                 before.remark if remark is None else remark, before.tags if tags is None else tuple(tags)
             )
-            annotations.store(path, changed)
+            store_annotations(path, changed)
         return self.run(run_id)
 
     def index(
@@ -282,7 +293,7 @@ class Catalogue:
         except OSError as error:
             raise StorageError(f"{self.folder}: the data folder cannot be read: {error.strerror or error}") from error
         stems = (name.removesuffix(SUFFIX) for name in names if name.endswith(SUFFIX))
-        annotated = {name.removesuffix(annotations.SUFFIX) for name in names if name.endswith(annotations.SUFFIX)}
+        annotated = {name.removesuffix(ANNOTATIONS_SUFFIX) for name in names if name.endswith(ANNOTATIONS_SUFFIX)}
         paths = (self.folder / f"{stem}{SUFFIX}" for stem in stems if RUN_ID.fullmatch(stem))
         files = ((path.stem, RunFile.from_path(path, may_have_annotations=path.stem in annotated)) for path in paths)
         return {stem: file for stem, file in files if file is not None}
@@ -326,7 +337,7 @@ class Catalogue:
             self._store.store_entries([fresh[run_id].entry for run_id in ended])
             for run_id in annotated:
                 file = files[run_id]
-                self._store.annotate(run_id, annotations.load(file.path), file.remarked_ns)
+                self._store.annotate(run_id, load_annotations(file.path), file.remarked_ns)
             if ended or annotated:
                 stored = self._store.entries(run_id=only or "")
         except StorageError:  # a full disk: nothing can be stored, but the files can still be read

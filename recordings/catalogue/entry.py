@@ -1,18 +1,92 @@
-"""A run's file in the data folder and its entry in the catalogue."""
+"""Entries of the catalogue: a run's file and its annotations, what is read from them, and how long that is valid.
+
+Annotations are a remark and tags in a JSON file beside the run; the recording itself never changes.
+"""
 
 import hashlib
 import json
 import stat
+import time
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
+from analysis.live.summary import RunSummary
 from analysis.signals.header import Acquisition, RunHeader
-from recordings.catalogue.annotations import annotations_path
-from recordings.errors import RecordingError
+from recordings.errors import AnnotationError, RecordingError, StorageError
+from recordings.file_operations import atomic_write
+from recordings.integrity.verify import verify
+from recordings.mcap.container import has_end_magic
 from recordings.mcap.header import calibration_to_json
+from recordings.mcap.layout import NANOSECONDS
 from recordings.mcap.reader import RunReader
+
+ANNOTATIONS_SUFFIX = ".notes.json"
+ANNOTATIONS_FORMAT = 1
+MAX_TAG_LENGTH = 64
+MAX_REMARK_LENGTH = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Annotations:
+    """Remark and tags of a run.
+
+    Parameters
+    ----------
+    remark : str
+        Free text.
+    tags : tuple of str
+        Labels, sorted, without duplicates.
+    """
+
+    remark: str = ""
+    tags: tuple[str, ...] = ()
+
+
+def validated_annotations(remark: str, tags: tuple[str, ...]) -> Annotations:
+    """Return annotations with stripped remark and sorted tags; AnnotationError if one is too long or malformed."""
+    if len(remark) > MAX_REMARK_LENGTH:
+        raise AnnotationError(f"remark: {len(remark)} characters, expected at most {MAX_REMARK_LENGTH}")
+    for tag in tags:
+        if not tag.strip() or tag != tag.strip() or len(tag) > MAX_TAG_LENGTH or not tag.isprintable():
+            raise AnnotationError(
+                f"tag: {tag[:80]!r}, expected 1 to {MAX_TAG_LENGTH} printable characters, no blanks at either end"
+            )
+    return Annotations(remark.strip(), tuple(sorted(set(tags))))
+
+
+def annotations_path(run: Path) -> Path:
+    """Return the path of the annotations file beside a run's file."""
+    return run.with_name(f"{run.stem}{ANNOTATIONS_SUFFIX}")
+
+
+def load_annotations(run: Path) -> Annotations:
+    """Return the annotations of a run; empty if they are missing or cannot be read."""
+    try:
+        content = json.loads(annotations_path(run).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # no such file, or neither UTF-8 nor JSON
+        return Annotations()
+    remark, tags = (content.get("remark"), content.get("tags")) if isinstance(content, Mapping) else (None, None)
+    if not (isinstance(remark, str) and isinstance(tags, list) and all(isinstance(tag, str) for tag in tags)):
+        return Annotations()
+    try:
+        return validated_annotations(remark, tuple(tags))
+    except AnnotationError:
+        return Annotations()
+
+
+def store_annotations(run: Path, annotations: Annotations) -> None:
+    """Replace the annotations of a run, atomically; StorageError if that fails."""
+    path = annotations_path(run)
+    content = {"format": ANNOTATIONS_FORMAT, "remark": annotations.remark, "tags": list(annotations.tags)}
+    try:
+        with atomic_write(path) as temporary:
+            temporary.write_text(json.dumps(content, ensure_ascii=False, indent=1), encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
 
 NOT_FINISHED = "not finished: it is still being written, or its writer was killed"
 
@@ -140,3 +214,136 @@ def calibration_identity(acquisition: Acquisition) -> str:
         if channel.calibration is not None
     }
     return hashlib.sha256(json.dumps(calibrations, sort_keys=True).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """An entry as read from the database.
+
+    Parameters
+    ----------
+    entry : RunEntry
+        The entry.
+    remarked_ns : int
+        Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
+    is_summarised : bool
+        Whether the summary is stored too.
+    revision : int
+        Revision of the folder's rows when the entry was read.
+    """
+
+    entry: RunEntry
+    remarked_ns: int
+    is_summarised: bool
+    revision: int
+
+
+Summarise = Callable[[RunReader], RunSummary]
+UNREADABLE = "unreadable"
+MAX_WRITE_PAUSE = 10.0
+"""Seconds after its last change in which an unfinished file may still be being written."""
+READ_INTERVAL_FACTOR = 20
+"""A file that is being written is read again only after this many times the duration of the last read."""
+
+
+@dataclass(frozen=True, slots=True)
+class IndexReport:
+    """Differences between the files of a folder and the catalogue's earlier state, as run ids.
+
+    Parameters
+    ----------
+    new, changed, missing : tuple of str
+        Files that were not in the catalogue, have changed, or are gone.
+    damaged : tuple of str
+        Files that are incomplete or cannot be read, whether new or not.
+    unchanged : int
+        Number of files that have not changed.
+    """
+
+    new: tuple[str, ...]
+    changed: tuple[str, ...]
+    missing: tuple[str, ...]
+    damaged: tuple[str, ...]
+    unchanged: int
+
+
+def compare(before: Mapping[str, StoredRun], present: Mapping[str, RunEntry]) -> IndexReport:
+    """Return how the present runs differ from the catalogue's earlier state."""
+    known = {run_id: (stored.entry.size, stored.entry.changed_ns) for run_id, stored in before.items()}
+    changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.changed_ns)]
+    return IndexReport(
+        new=tuple(sorted(run_id for run_id in changed if run_id not in known)),
+        changed=tuple(sorted(run_id for run_id in changed if run_id in known)),
+        missing=tuple(sorted(known.keys() - present.keys())),
+        damaged=tuple(sorted(run_id for run_id, entry in present.items() if entry.fault)),
+        unchanged=len(present) - len(changed),
+    )
+
+
+def verdict_of(path: Path) -> str:
+    """Return the `Verdict` on a file, or "unreadable"."""
+    try:
+        return verify(path).verdict.value
+    except RecordingError:
+        return UNREADABLE
+
+
+@dataclass(frozen=True, slots=True)
+class CachedRun:
+    """An entry in memory, and how long it is valid.
+
+    Parameters
+    ----------
+    entry : RunEntry
+        The entry.
+    remarked_ns : int
+        Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
+    revision : int
+        Revision of the folder's rows when it was read; -1 if it was read from the file itself.
+    next_read_at : float
+        Monotonic time before which a file that is being written is not read again, s.
+    """
+
+    entry: RunEntry
+    remarked_ns: int
+    revision: int
+    next_read_at: float = 0.0
+
+    @classmethod
+    def from_stored(cls, stored: StoredRun) -> Self:
+        """Return the entry from the database's rows."""
+        return cls(stored.entry, stored.remarked_ns, stored.revision)
+
+    @classmethod
+    def from_file(cls, file: RunFile) -> Self:
+        """Return the entry read from the file itself."""
+        started = time.monotonic()
+        entry = read_entry(file.path, file.size, file.changed_ns)
+        added = load_annotations(file.path) if file.remarked_ns else Annotations()
+        ended = time.monotonic()
+        next_read_at = ended + READ_INTERVAL_FACTOR * (ended - started)
+        return cls(replace(entry, remark=added.remark, tags=added.tags), file.remarked_ns, -1, next_read_at)
+
+    @property
+    def is_growing(self) -> bool:
+        """Whether the recording may still be in progress; such an entry is not stored in the database."""
+        entry = self.entry
+        age_ns = time.time_ns() - entry.changed_ns
+        return self.revision < 0 and not entry.is_complete and age_ns < MAX_WRITE_PAUSE * NANOSECONDS
+
+    def is_valid(self, file: RunFile, revision: int) -> bool:
+        """Return whether the entry describes the file, or may be used until a growing file is due to be read again."""
+        entry = self.entry
+        if self.remarked_ns != file.remarked_ns or self.revision not in (-1, revision):
+            return False
+        if (entry.size, entry.changed_ns) == (file.size, file.changed_ns):
+            return self.revision >= 0 or self.is_growing
+        has_grown = not entry.is_complete and entry.header is not None and file.size >= entry.size
+        return has_grown and time.monotonic() < self.next_read_at and not has_end_magic(file.path)
+
+
+def is_current(stored: StoredRun | None, file: RunFile) -> bool:
+    """Return whether the stored entry describes the file in its present state."""
+    if stored is None or (stored.entry.size, stored.entry.changed_ns) != (file.size, file.changed_ns):
+        return False
+    return stored.entry.header is not None or stored.entry.fault != ""

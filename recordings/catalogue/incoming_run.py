@@ -5,8 +5,8 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from recordings.atomic_file import replace_with_retry
 from recordings.errors import DamagedError, RunExistsError, StorageError
+from recordings.file_operations import replace_with_retry
 from recordings.integrity.verify import verify
 
 

@@ -1,4 +1,4 @@
-"""Rows of one data folder in the catalogue's database: entries, summaries, tags, cached results."""
+"""Rows of one data folder in the catalogue's database: entries, summaries, tags, cached results; search."""
 
 import hashlib
 import json
@@ -9,44 +9,92 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, select, update
+from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, exists, or_, select, update
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
 from analysis.signals.units import MICROMETRE, RPM
-from recordings.catalogue.annotations import Annotations
-from recordings.catalogue.database import Database
-from recordings.catalogue.entry import RunEntry
-from recordings.catalogue.search import Search, search_condition
-from recordings.catalogue.tables import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG
+from recordings.catalogue.database import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG, Database
+from recordings.catalogue.entry import Annotations, RunEntry, StoredRun
 from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, header_to_json
-from recordings.mcap.markers import Marker
-
-PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
-"""Header keys that differ from run to run; the rest is stored once for all runs that share it."""
+from recordings.mcap.results import Marker
 
 
 @dataclass(frozen=True, slots=True)
-class StoredRun:
-    """An entry as read from the database.
+class Search:
+    """Search criteria; a run must meet all that are given.
+
+    Only runs that are indexed with their summary have speeds and findings.
 
     Parameters
     ----------
-    entry : RunEntry
-        The entry.
-    remarked_ns : int
-        Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
-    is_summarised : bool
-        Whether the summary is stored too.
-    revision : int
-        Revision of the folder's rows when the entry was read.
+    started_from_ns, started_before_ns : int or None
+        Start of the run, ns since 1970: from, and before.
+    speed_low, speed_high : float or None
+        The run reached a speed within this range, rad/s.
+    text : str
+        Words that must all occur in id, rig, note, remark or markers, in any case.
+    tags : tuple of str
+        Tags that the run must all have.
+    onset_below : float or None
+        A sub-synchronous component began below this speed, rad/s.
+    is_complete : bool or None
+        Whether the run was finished properly.
+    rig : str
+        Name of the rig.
+    serial : str
+        Serial number of the device.
+    calibration : str
+        `calibration_identity` of the probes' calibrations, or its first digits.
     """
 
-    entry: RunEntry
-    remarked_ns: int
-    is_summarised: bool
-    revision: int
+    started_from_ns: int | None = None
+    started_before_ns: int | None = None
+    speed_low: float | None = None
+    speed_high: float | None = None
+    text: str = ""
+    tags: tuple[str, ...] = ()
+    onset_below: float | None = None
+    is_complete: bool | None = None
+    rig: str = ""
+    serial: str = ""
+    calibration: str = ""
+
+
+def search_condition(search: Search) -> ColumnElement[bool]:
+    """Return the criteria as an SQL condition on a row of the run table."""
+    terms: list[ColumnElement[bool]] = [RUN.c.id == RUN.c.id]
+    if search.started_from_ns is not None:
+        terms.append(RUN.c.started_ns >= search.started_from_ns)
+    if search.started_before_ns is not None:
+        terms.append(RUN.c.started_ns < search.started_before_ns)
+    if search.speed_low is not None:
+        terms.append(RUN.c.highest_speed_rpm >= search.speed_low / RPM)
+    if search.speed_high is not None:
+        terms.append(RUN.c.lowest_speed_rpm <= search.speed_high / RPM)
+    if search.is_complete is not None:
+        terms.append(RUN.c.is_complete == search.is_complete)
+    terms += [column == name for column, name in ((RUN.c.rig, search.rig), (RUN.c.serial, search.serial)) if name]
+    if search.calibration:
+        terms.append(RUN.c.calibration.startswith(search.calibration, autoescape=True))
+    text_columns = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
+    for word in search.text.split():
+        in_markers = exists().where(
+            MARKER.c.folder == RUN.c.folder, MARKER.c.id == RUN.c.id, MARKER.c.text.icontains(word, autoescape=True)
+        )
+        terms.append(or_(in_markers, *(column.icontains(word, autoescape=True) for column in text_columns)))
+    terms += [
+        exists().where(TAG.c.folder == RUN.c.folder, TAG.c.id == RUN.c.id, TAG.c.tag == tag) for tag in search.tags
+    ]
+    if search.onset_below is not None:
+        onset = FINDING.c.onset_rpm < search.onset_below / RPM
+        terms.append(exists().where(FINDING.c.folder == RUN.c.folder, FINDING.c.id == RUN.c.id, onset))
+    return and_(*terms)
+
+
+PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
+"""Header keys that differ from run to run; the rest is stored once for all runs that share it."""
 
 
 @dataclass(frozen=True, slots=True)

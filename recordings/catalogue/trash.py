@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from recordings.atomic_file import replace_with_retry
-from recordings.catalogue.annotations import annotations_path
+from recordings.catalogue.entry import annotations_path
 from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import NotFoundError, StorageError
+from recordings.file_operations import replace_with_retry
 
 FOLDER = "trash"
 

@@ -12,10 +12,10 @@ from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
+from recordings.file_operations import Progress, ignore_progress
 from recordings.mcap.header import calibration_to_json
 from recordings.mcap.layout import sample_time_ns
 from recordings.mcap.reader import RunReader
-from recordings.progress import Progress, ignore_progress
 
 CHUNK_SAMPLES = 2_000_000  # per channel, read at a time
 MAX_SAMPLES = 50_000_000

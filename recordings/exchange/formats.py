@@ -1,40 +1,42 @@
-"""Reading and writing tables in other formats, one module for each format.
+"""Reading and writing tables in other formats, chosen by the suffix of the file.
 
-A format's library is imported only when the format is used; the libraries are the extra ``formats``.
+The library of a format is imported only when the format is used; those that only some need are the extra ``formats``.
 """
 
 import logging
-from importlib import import_module
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from recordings.atomic_file import atomic_write
 from recordings.errors import ForeignFormatError
-from recordings.exchange.table import Column, Table
-from recordings.progress import Progress, ignore_progress
+from recordings.exchange.array_formats import read_mat, write_hdf5, write_mat, write_parquet
+from recordings.exchange.measurement_formats import read_tdms, read_uff, read_wav, write_tdms, write_uff
+from recordings.exchange.table import Table
+from recordings.exchange.text_formats import read_csv, read_lvm, write_csv
+from recordings.file_operations import Progress, atomic_write, ignore_progress
 
 logger = logging.getLogger(__name__)
 
-__all__ = ["EXPORT_FORMATS", "IMPORT_FORMATS", "Column", "Table", "read_table", "write_table"]
+Function = TypeVar("Function")
 
-IMPORT_FORMATS = {
-    ".tdms": "tdms",
-    ".lvm": "lvm",
-    ".csv": "csv",
-    ".mat": "mat",
-    ".uff": "uff",
-    ".unv": "uff",
-    ".wav": "wav",
+IMPORT_FORMATS: Mapping[str, Callable[[Path], Table]] = {
+    ".tdms": read_tdms,
+    ".lvm": read_lvm,
+    ".csv": read_csv,
+    ".mat": read_mat,
+    ".uff": read_uff,
+    ".unv": read_uff,
+    ".wav": read_wav,
 }
-EXPORT_FORMATS = {
-    ".csv": "csv",
-    ".parquet": "parquet",
-    ".h5": "hdf5",
-    ".hdf5": "hdf5",
-    ".tdms": "tdms",
-    ".mat": "mat",
-    ".uff": "uff",
-    ".unv": "uff",
+EXPORT_FORMATS: Mapping[str, Callable[[Path, Table, Progress], None]] = {
+    ".csv": write_csv,
+    ".parquet": write_parquet,
+    ".h5": write_hdf5,
+    ".hdf5": write_hdf5,
+    ".tdms": write_tdms,
+    ".mat": write_mat,
+    ".uff": write_uff,
+    ".unv": write_uff,
 }
 
 
@@ -46,11 +48,13 @@ def read_table(path: Path) -> Table:
     ForeignFormatError
         If the format is unknown, its library is missing, or the file is invalid.
     """
-    module = _module(path, IMPORT_FORMATS)
+    read = _function(path, IMPORT_FORMATS)
     try:
-        table: Table = module.read(path)
+        table = read(path)
     except ForeignFormatError as error:
         raise ForeignFormatError(f"{path}: {error}") from error
+    except ModuleNotFoundError as error:
+        raise _missing_library(path, error) from error
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
     except Exception as error:  # the libraries raise all kinds of errors for a damaged file
@@ -72,23 +76,26 @@ def write_table(path: Path, table: Table, on_progress: Progress = ignore_progres
     ForeignFormatError
         If the format is unknown, its library is missing, or the file exists or cannot be written.
     """
-    module = _module(path, EXPORT_FORMATS)
+    write = _function(path, EXPORT_FORMATS)
     if path.exists():
         raise ForeignFormatError(f"{path}: exists already; files are never overwritten")
     try:
         with atomic_write(path) as temporary:
-            module.write(temporary, table, on_progress)
+            write(temporary, table, on_progress)
+    except ModuleNotFoundError as error:
+        raise _missing_library(path, error) from error
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
-def _module(path: Path, formats: dict[str, str]) -> Any:
-    name = formats.get(path.suffix.lower())
-    if name is None:
+def _function(path: Path, formats: Mapping[str, Function]) -> Function:
+    """Return the function for a file's suffix."""
+    function = formats.get(path.suffix.lower())
+    if function is None:
         raise ForeignFormatError(f"{path}: suffix {path.suffix!r}, expected one of {', '.join(formats)}")
-    try:
-        return import_module(f"recordings.exchange.{name}_file")
-    except ModuleNotFoundError as error:
-        raise ForeignFormatError(
-            f"{path}: the library {error.name} is missing; install the extra: pip install 'rig-service[formats]'"
-        ) from error
+    return function
+
+
+def _missing_library(path: Path, error: ModuleNotFoundError) -> ForeignFormatError:
+    install = "install the extra: pip install 'rig-service[formats]'"
+    return ForeignFormatError(f"{path}: the library {error.name} is missing; {install}")

@@ -1,13 +1,16 @@
-"""Table of columns: the content of files of other formats, sampled at one rate or with its own times."""
+"""Tables: the content of files of other formats; conversion of their columns to the codes of a run's channels."""
 
-import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.header import Calibration, Channel
+from analysis.signals.units import MICROMETRE, MILLIMETRE, MILLIVOLT
 from recordings.errors import ForeignFormatError
 
 
@@ -57,6 +60,18 @@ class Table:
             shapes = {column.name: column.values.shape for column in self.columns}
             raise ForeignFormatError(f"columns of different lengths: {shapes}")
 
+    @classmethod
+    def from_properties(cls, columns: Sequence[Column], properties: Mapping[str, str], rate: float | None) -> Self:
+        """Return the table of a file; its properties ``rate_hz``, before `rate`, and ``started_ns`` are used."""
+        rate = float(properties["rate_hz"]) if "rate_hz" in properties else rate
+        started_ns = int(properties["started_ns"]) if "started_ns" in properties else None
+        return cls(tuple(columns), rate, started_ns, properties)
+
+    def all_properties(self) -> dict[str, str]:
+        """Return the properties with rate and start, from which `from_properties` restores them."""
+        values = {"rate_hz": self.rate, "started_ns": self.started_ns}
+        return dict(self.properties) | {name: repr(value) for name, value in values.items() if value is not None}
+
     @property
     def n_rows(self) -> int:
         """Number of rows."""
@@ -70,31 +85,70 @@ class Table:
         raise ForeignFormatError(f"no column {name!r}; there are {', '.join(repr(c.name) for c in self.columns)}")
 
 
-def rate_of(times: NDArray[np.float64], name: str) -> float:
-    """Return the rate, Hz, of a column of evenly spaced times, s; `name` is for the message.
+STEPS = 65_532
+"""Codes from -32766 to 32766: no imported value is at the converter's rails, where it would count as clipped."""
+BLOCK_DURATION = 0.1  # s
+VOLT_UNITS = {"V": 1.0, "mV": MILLIVOLT}
+LENGTH_UNITS = {"um": MICROMETRE, "mm": MILLIMETRE, "m": 1.0}
+UNITS = (*VOLT_UNITS, *LENGTH_UNITS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImportedChannel:
+    """A channel with its codes."""
+
+    channel: Channel
+    codes: NDArray[np.int16]
+
+
+def imported_channel(column: Column, channel: Channel, unit: str, factor: float) -> ImportedChannel:
+    """Return a column's values as a channel's codes.
+
+    16-bit integers become codes unchanged. Other values are quantised in 65,532 steps from the smallest to the largest,
+    with an error of half a step at most. For displacements, one volt in the recording represents one micrometre.
+
+    Parameters
+    ----------
+    column : Column
+        Values; times `factor` they are in `unit`: volts at the input, or displacement towards the probe.
+    channel : Channel
+        Channel of the rig; its scaling is replaced, and for displacements its calibration.
+    unit : str
+        One of UNITS.
+    factor : float
+        See `column`.
 
     Raises
     ------
     ForeignFormatError
-        If a time deviates from even spacing by more than a tenth of a step.
+        If a value is not finite, or the factor not positive.
     """
-    if len(times) < 2 or not np.isfinite(times).all() or not times[-1] > times[0]:
-        raise ForeignFormatError(f"times in {name!r}: expected at least two, rising")
-    step = (times[-1] - times[0]) / (len(times) - 1)
-    if np.abs(times - (times[0] + step * np.arange(len(times)))).max() > 0.1 * step:
-        raise ForeignFormatError(f"times in {name!r}: not evenly spaced; samples must have been taken at one rate")
-    rate = 1 / float(step)
-    return float(round(rate)) if abs(rate - round(rate)) < 1e-6 * rate else rate
+    scale = factor * (VOLT_UNITS[unit] if unit in VOLT_UNITS else LENGTH_UNITS[unit] / LENGTH_UNITS["um"])
+    if column.values.dtype == np.int16:
+        codes, scaling = column.values.astype(np.int16), (0.0, scale)
+    else:
+        values = column.values.astype(np.float64) * scale
+        if not np.isfinite(values).all():
+            raise ForeignFormatError(f"column {column.name!r}: has values that are not finite")
+        low, high = float(values.min()), float(values.max())
+        step = (high - low) / STEPS or max(abs(low), 1.0) * 1e-9
+        middle = (low + high) / 2
+        codes, scaling = np.round((values - middle) / step).astype(np.int16), (middle, step)
+    if not scaling[1] > 0:
+        raise ForeignFormatError(f"column {column.name!r}: factor {factor:g}, expected a positive one")
+    ends = [scaling[0] + scaling[1] * code for code in (-32768, 32767)]
+    channel = replace(channel, scaling=scaling, range_low=ends[0], range_high=ends[1])
+    if unit in LENGTH_UNITS:
+        calibration = Calibration((0.0, -LENGTH_UNITS["um"]), ends[0], ends[1], date="")
+        channel = replace(channel, calibration=calibration, gap_low=-math.inf, gap_high=math.inf)
+    return ImportedChannel(channel, codes)
 
 
-def require_ended(path: Path, line: int) -> None:
-    """Raise ForeignFormatError if the last line, of this number, lacks its line end: its last number may be cut off."""
-    with path.open("rb") as file:
-        if file.seek(0, os.SEEK_END) == 0:
-            return
-        file.seek(-1, os.SEEK_END)
-        if file.read() not in b"\r\n":
-            raise ForeignFormatError(
-                f"line {line}, the last one, has no line end: the file may be cut inside its last number; "
-                "delete the line, or end it if it is complete"
-            )
+def imported_items(channels: list[ImportedChannel], rate: float, host_time_ns: int) -> Iterator[SourceItem]:
+    """Yield the samples as blocks of one segment, and the segment end."""
+    codes = np.stack([channel.codes for channel in channels])
+    n_samples, size = codes.shape[1], max(1, round(BLOCK_DURATION * rate))
+    for first in range(0, n_samples, size):
+        block = np.ascontiguousarray(codes[:, first : first + size])
+        yield SampleBlock(block, 0, first, host_time_ns)
+    yield SegmentEnd(0, n_samples, EndReason.FINISHED)

@@ -12,10 +12,9 @@ from mcap.opcode import Opcode
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
-from recordings.mcap.chunk_table import ChunkLocation
-from recordings.mcap.container import RECORD, Container, StoredMessage
+from recordings.mcap import rig_pb2
+from recordings.mcap.container import RECORD, ChunkLocation, Container, StoredMessage
 from recordings.mcap.messages import parse_message
-from recordings.mcap.schema import rig_pb2
 
 N_CALIBRATION_POINTS = 501  # of the calibrated span, at which the calibration must be monotonic
 STATISTICS = struct.Struct("<QHIIIIQQ")

@@ -7,8 +7,7 @@ from pathlib import Path
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, MessageError, RecordingError
-from recordings.mcap.chunk_table import ChunkLocation
-from recordings.mcap.container import Container
+from recordings.mcap.container import ChunkLocation, Container
 from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
@@ -19,9 +18,9 @@ from recordings.mcap.layout import (
     SEGMENT_END,
     decode_metadata,
 )
-from recordings.mcap.markers import Marker, decode_marker
 from recordings.mcap.messages import PulseMerger, decode_block, decode_segment_end
 from recordings.mcap.reader import segment_end_from_json
+from recordings.mcap.results import Marker, decode_marker
 from recordings.mcap.salvage import read_header, search_chunks
 from recordings.mcap.writer import write_run
 

@@ -11,6 +11,7 @@ from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, MessageError, RecordingError
+from recordings.file_operations import Progress, ignore_progress
 from recordings.integrity.file_checks import (
     Check,
     ContinuityCheck,
@@ -21,12 +22,11 @@ from recordings.integrity.file_checks import (
 )
 from recordings.mcap.container import RECORD, Container, StoredMessage
 from recordings.mcap.layout import CHANNEL_IDS, CONFIG_ATTACHMENT, END_RECORD, RUN_RECORD, TOPICS, decode_metadata
-from recordings.mcap.markers import decode_marker
 from recordings.mcap.messages import decode_block, decode_segment_end, parse_message
 from recordings.mcap.reader import segment_end_from_json
+from recordings.mcap.results import decode_marker
+from recordings.mcap.rig_pb2 import Features, OrderFrame
 from recordings.mcap.salvage import decode_header, read_header
-from recordings.mcap.schema.rig_pb2 import Features, OrderFrame
-from recordings.progress import Progress, ignore_progress
 
 WINDOW = 4 << 20  # bytes that are read at a time
 RECORDS_SHARE = 0.9  # share of the work in reading the records; the rest is the checksum over the data section

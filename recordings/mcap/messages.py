@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import Acquisition
 from recordings.errors import MessageError
-from recordings.mcap.schema import rig_pb2
-from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
+from recordings.mcap import rig_pb2
+from recordings.mcap.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
 
 BYTES_PER_CODE = 2
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from recordings.mcap.layout import MARKER, sample_time_ns
-from recordings.mcap.markers import decode_marker, encode_marker
-from recordings.mcap.results import EncodedResult
+from recordings.mcap.results import EncodedResult, decode_marker, encode_marker
 from recordings.mcap.writer import RunWriter
 
 

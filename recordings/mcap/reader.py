@@ -13,8 +13,8 @@ from analysis.signals.blocks import PPM, ClockError, DeliveryStatistics, EndReas
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import DamagedError, MessageError
-from recordings.mcap.chunk_table import ChunkLocation
-from recordings.mcap.container import Container, StoredMessage
+from recordings.mcap import rig_pb2
+from recordings.mcap.container import ChunkLocation, Container, StoredMessage
 from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
@@ -28,11 +28,9 @@ from recordings.mcap.layout import (
     decode_metadata,
     sample_time_ns,
 )
-from recordings.mcap.markers import Marker, decode_marker
 from recordings.mcap.messages import PulseMerger, block_span, decode_block, decode_segment_end, parse_message
-from recordings.mcap.results import decode_snapshot
+from recordings.mcap.results import Marker, decode_marker, decode_snapshot
 from recordings.mcap.salvage import SequenceFilter, cut_end, read_header
-from recordings.mcap.schema import rig_pb2
 
 SAMPLE_CHANNEL = frozenset({CHANNEL_IDS[SAMPLES]})
 END_CHANNEL = frozenset({CHANNEL_IDS[SEGMENT_END]})

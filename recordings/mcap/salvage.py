@@ -9,8 +9,7 @@ from mcap.opcode import Opcode
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError, UnknownFormatError
-from recordings.mcap.chunk_table import ChunkLocation
-from recordings.mcap.container import RECORD, Container
+from recordings.mcap.container import RECORD, ChunkLocation, Container
 from recordings.mcap.header import header_from_json
 from recordings.mcap.layout import RUN_RECORD, decode_metadata
 

@@ -30,9 +30,8 @@ from recordings.mcap.layout import (
     encode_metadata,
     sample_time_ns,
 )
-from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.messages import PulseEncoder, encode_block, encode_segment_end, message_definitions
-from recordings.mcap.results import EncodedResult, encode_snapshot
+from recordings.mcap.results import EncodedResult, Marker, encode_marker, encode_snapshot
 
 CHUNK_BYTES = 1 << 20
 FLUSH_INTERVAL = 0.2

@@ -6,8 +6,8 @@ from pathlib import Path
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
 from daq.session.live_update import LiveUpdate
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
+from daq.session.recording.recorder import RecordingRequest
 
 RIG_FILE = Path(__file__).parents[2] / "rigs" / "bench.toml"
 RUN = "2026-11-24T09-12-07-gj90c"

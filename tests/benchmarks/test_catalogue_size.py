@@ -13,7 +13,7 @@ from analysis.signals.blocks import TimeInRun
 from analysis.signals.units import RPM
 from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 from recordings.mcap.container import Container
 from recordings.mcap.reader import RunReader
 from tests.benchmarks.recorded_samples import bench_blocks, write_run

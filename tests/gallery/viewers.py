@@ -2,7 +2,7 @@
 
     python tests/gallery/viewers.py docs/viewers
 
-Each plot is defined once; the fields are those of recordings/mcap/schema/rig.proto.
+Each plot is defined once; the fields are those of recordings/mcap/rig.proto.
 """
 
 import json

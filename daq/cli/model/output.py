@@ -8,7 +8,7 @@ from daq.cli.terminal import align_columns, print_json
 from daq.errors import UsageError
 from daq.schemas.study import study_schema
 from model.studies.study import Plot, Study, Surface
-from recordings.atomic_file import atomic_write
+from recordings.file_operations import atomic_write
 
 FORMATS = (".svg", ".png", ".pdf")
 

@@ -25,7 +25,7 @@ from model.studies.thesis.chapter_6 import (
     trends,
 )
 from model.studies.thesis.report import Comparison, Figure
-from recordings.atomic_file import atomic_write
+from recordings.file_operations import atomic_write
 
 Captioned = tuple[str, tuple[Plot | Surface, ...]]
 

@@ -20,7 +20,7 @@ from daq.service.schemas.health import HealthSchema, health_schema
 from daq.service.stream import LiveFeed, require_ended
 from daq.session.live_update import LiveUpdate
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 from recordings.errors import RecordingError
 
 

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field
 from analysis.signals.units import RPM
 from daq.reports.parameters import MAX_SPEED_RPM, QueryParameters
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 MAX_TEXT_LENGTH = 200

@@ -28,8 +28,8 @@ from daq.session.live_update import (
     alarm_marker,
 )
 from daq.session.processes import start_process
-from daq.session.recording.health import clipped_channels, loss_message, reconnect_message, recording_health
-from daq.session.recording.messages import (
+from daq.session.recording.recorder import (
+    RESULTS_DEADLINE,
     AcquisitionEnded,
     DeviceOpened,
     FileClosed,
@@ -38,13 +38,18 @@ from daq.session.recording.messages import (
     RecordingRequest,
     ResultsEnded,
     StopRequest,
+    record,
 )
-from daq.session.recording.recorder import RESULTS_DEADLINE, record
 from daq.session.recording.ring import BlockRing
-from daq.session.recording.statistics import RecorderStatistics
+from daq.session.recording.statistics import (
+    RecorderStatistics,
+    clipped_channels,
+    loss_message,
+    reconnect_message,
+    recording_health,
+)
 from daq.session.run import LivePredictor, RunOutcome
-from recordings.mcap.markers import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, encode_marker
-from recordings.mcap.results import encode_snapshot
+from recordings.mcap.results import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, encode_marker, encode_snapshot
 
 logger = logging.getLogger(__name__)
 

@@ -9,8 +9,7 @@ import pytest
 
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
-from daq.session.recording.messages import RecordingRequest
-from daq.session.recording.recorder import run_header
+from daq.session.recording.recorder import RecordingRequest, run_header
 from recordings.mcap.writer import write_run
 from tests.daq.support.recorded_bench import RUN
 

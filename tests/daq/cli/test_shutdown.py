@@ -22,8 +22,7 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.drivers.source import Source
 from daq.session.live_update import LiveUpdate
-from daq.session.recording.messages import AcquisitionEnded, DeviceOpened, FileClosed
-from daq.session.recording.recorder import _Recorder, run_header
+from daq.session.recording.recorder import AcquisitionEnded, DeviceOpened, FileClosed, _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from daq.session.run import RunOutcome

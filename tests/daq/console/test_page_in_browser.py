@@ -16,7 +16,7 @@ from analysis.signals.units import MICROMETRE
 from daq.service.app import create_app
 from daq.service.server import ServiceServer
 from daq.session.live_update import Clipping, LiveUpdate, RunState, TimedMarker
-from recordings.mcap.markers import Marker
+from recordings.mcap.results import Marker
 from tests.daq.conftest import RigFactory
 from tests.daq.support.driven_browser import driven_page
 from tests.daq.support.live_updates import (

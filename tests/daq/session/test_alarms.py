@@ -16,8 +16,8 @@ from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
 from daq.view.status_text import worst_alarm
 from recordings.integrity.verify import verify
-from recordings.mcap.markers import MarkerKind
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import MarkerKind
 from tests.daq.conftest import RigFactory
 from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import open_recorded_bench

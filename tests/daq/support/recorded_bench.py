@@ -19,12 +19,11 @@ from daq.service.results_reader import PredictionProvider, ResultsReader
 from daq.service.routes.live import RunStarter
 from daq.service.server import ServiceServer
 from daq.session.predictor import Predictors
-from daq.session.recording.messages import RecordingRequest
-from daq.session.recording.recorder import run_header
+from daq.session.recording.recorder import RecordingRequest, run_header
 from model.errors import ParameterError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.markers import MarkerKind
+from recordings.mcap.results import MarkerKind
 from recordings.mcap.writer import write_run
 from tests.daq.support.live_updates import make_prediction
 from tests.daq.support.service_fakes import FakeLive

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from daq.config.rig import Rig
 from daq.session.live_update import LiveUpdate, RunState, Status
-from daq.session.recording.messages import RecordingRequest
 from daq.session.recording.recorded_run import RecordedRun
+from daq.session.recording.recorder import RecordingRequest
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.reader import RunReader
 

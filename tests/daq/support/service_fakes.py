@@ -17,7 +17,7 @@ from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.live_update import LiveUpdate
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
 from tests.daq.support.live_updates import make_header
 

@@ -23,7 +23,7 @@ from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
 from daq.view.spectrum import FONT_SIZE, SpectrumPlot
 from daq.view.stroke_font import text_strokes, text_width
 from daq.view.traces import TrendPlot
-from recordings.mcap.markers import Marker, MarkerKind
+from recordings.mcap.results import Marker, MarkerKind
 from tests.daq.support.live_updates import (
     RATE,
     make_header,

@@ -12,10 +12,9 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
-from recordings.catalogue import annotations
 from recordings.catalogue.catalogue import Catalogue
-from recordings.catalogue.database import Database
-from recordings.catalogue.tables import VERSION
+from recordings.catalogue.database import VERSION, Database
+from recordings.catalogue.entry import Annotations, store_annotations
 from recordings.errors import StorageError
 from recordings.mcap.writer import RunWriter
 from tests.recordings.postgresql import free_port, new_schema, server
@@ -129,7 +128,7 @@ def test_runs_are_listed_and_trashed_though_the_database_is_full(
                 when = f"BEFORE {change} ON rig_run BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
                 full.execute(f"CREATE TRIGGER IF NOT EXISTS full_{number} {when}")
             full.commit()
-    annotations.store(tmp_path / "first.mcap", annotations.Annotations("cold oil", ("good",)))
+    store_annotations(tmp_path / "first.mcap", Annotations("cold oil", ("good",)))
     for each in (catalogue, Catalogue(tmp_path)):
         found = {entry.id: (entry.remark, entry.tags, entry.is_complete) for entry in each.runs()}
         assert found == {"first": ("cold oil", ("good",), True), "second": ("", (), True)}

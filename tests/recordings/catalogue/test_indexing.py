@@ -16,10 +16,10 @@ from analysis.signals.units import RPM
 from analysis.whirl.findings import WhirlFinding
 from recordings.catalogue.catalogue import Catalogue
 from recordings.catalogue.entry import calibration_identity
-from recordings.catalogue.search import Search
+from recordings.catalogue.run_store import Search
 from recordings.errors import AnnotationError, NotFoundError, StorageError
-from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import Marker, encode_marker
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]
@@ -234,7 +234,7 @@ def test_deleted_database_is_built_again_from_the_files(tmp_path: Path, record: 
     else:
         from sqlalchemy import create_engine  # noqa: PLC0415  # to change the database behind the catalogue
 
-        from recordings.catalogue.tables import METADATA  # noqa: PLC0415
+        from recordings.catalogue.database import METADATA  # noqa: PLC0415
 
         engine = create_engine(os.environ["RIG_CATALOGUE"])
         METADATA.drop_all(engine)

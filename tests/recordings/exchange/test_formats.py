@@ -10,7 +10,8 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.formats import Column, Table, read_table, write_table
+from recordings.exchange.formats import read_table, write_table
+from recordings.exchange.table import Column, Table
 
 RATE = 20_000.0 / 3
 STARTED_NS = 1_795_511_527_123_456_789
@@ -263,14 +264,14 @@ def test_a_cut_lvm_file_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ForeignFormatError, match=rf"line {len(whole.splitlines())}, the last one"):
         read_table(cut(path, path.stat().st_size - 2))
     path.write_text(whole.removesuffix("\t4.5\t5.75\n"), encoding="utf-8")
-    with pytest.raises(ForeignFormatError, match="cut short: a section of 2 rows, expected 3"):
+    with pytest.raises(ForeignFormatError, match="truncated: a section of 2 rows, expected 3"):
         read_table(path)
 
 
 def test_cut_wav_and_tdms_files_are_an_error(tmp_path: Path, table: Table) -> None:
     write_table(tmp_path / "run.tdms", table)
-    with pytest.raises(ForeignFormatError, match="is cut short: 499 of 500 values in the last segment"):
+    with pytest.raises(ForeignFormatError, match="is truncated: 499 of 500 values in the last segment"):
         read_table(cut(tmp_path / "run.tdms", (tmp_path / "run.tdms").stat().st_size - 8))
     wavfile.write(tmp_path / "run.wav", 1000, np.zeros((100, 2), np.int16))
-    with pytest.raises(ForeignFormatError, match="is cut short"):
+    with pytest.raises(ForeignFormatError, match="is truncated"):
         read_table(cut(tmp_path / "run.wav", (tmp_path / "run.wav").stat().st_size - 4))

@@ -23,9 +23,9 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, RPM
+from recordings.mcap import rig_pb2
 from recordings.mcap.layout import TOPICS
 from recordings.mcap.results import encode_snapshot
-from recordings.mcap.schema import rig_pb2
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]

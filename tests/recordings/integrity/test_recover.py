@@ -18,9 +18,9 @@ from recordings.errors import DamagedError, StorageError
 from recordings.integrity.recover import MissingSamples, RecoveredSegment, recover
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.container import Container
-from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.messages import decode_block
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import Marker, encode_marker
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]

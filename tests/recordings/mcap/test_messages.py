@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from recordings.errors import MessageError
+from recordings.mcap import rig_pb2
 from recordings.mcap.messages import (
     block_span,
     decode_block,
@@ -26,8 +27,7 @@ from recordings.mcap.messages import (
     pack_codes,
     unpack_codes,
 )
-from recordings.mcap.schema import rig_pb2
-from recordings.mcap.schema.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16, CODEC_UNSPECIFIED
+from recordings.mcap.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16, CODEC_UNSPECIFIED
 
 SCHEMA_FOLDER = Path(rig_pb2.__file__).parent
 SHAPES = st.tuples(st.integers(1, 4), st.integers(0, 50))

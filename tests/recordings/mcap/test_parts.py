@@ -20,9 +20,9 @@ from analysis.signals.header import (
 )
 from recordings.catalogue.catalogue import Catalogue
 from recordings.integrity.verify import verify
-from recordings.mcap.markers import Marker, encode_marker
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import Marker, encode_marker
 from recordings.mcap.writer import RunWriter
 
 RATE, BLOCK = 1000.0, 100

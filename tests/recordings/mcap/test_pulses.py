@@ -15,11 +15,11 @@ from analysis.signals.header import Edge, RunHeader, TachoCounter
 from analysis.signals.snapshot import CounterReport, Snapshot
 from recordings.integrity.file_checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
+from recordings.mcap import rig_pb2
 from recordings.mcap.header import header_from_json, header_to_json
 from recordings.mcap.messages import PulseEncoder, PulseMerger
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
-from recordings.mcap.schema import rig_pb2
 from recordings.mcap.writer import RunWriter
 
 MakeBlock = Callable[..., SampleBlock]

@@ -10,8 +10,8 @@ from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, RPM
 from recordings.errors import MessageError
+from recordings.mcap import rig_pb2
 from recordings.mcap.results import decode_snapshot, encode_snapshot
-from recordings.mcap.schema import rig_pb2
 
 MakeSnapshot = Callable[..., Snapshot]
 

@@ -20,8 +20,7 @@ import pytest
 from analysis.signals.blocks import EndReason, SampleBlock
 from daq.config.loader import load_rig
 from daq.drivers.factory import open_source
-from daq.session.recording.messages import RecordingRequest
-from daq.session.recording.recorder import run_header
+from daq.session.recording.recorder import RecordingRequest, run_header
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import Verdict, verify
 from recordings.mcap.reader import RunReader

@@ -25,9 +25,8 @@ from daq.errors import RigError
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
-from daq.session.recording.messages import ResultsEnded
 from daq.session.recording.recorded_run import RecordedRun
-from daq.session.recording.recorder import _Recorder, run_header
+from daq.session.recording.recorder import ResultsEnded, _Recorder, run_header
 from daq.session.recording.ring import BlockRing
 from daq.session.recording.statistics import RecorderStatistics
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids

@@ -1,8 +1,8 @@
-"""Atomic file writes: a file is complete or absent, however the writing ends."""
+"""File operations: atomic writes (a file is complete or absent, however the writing ends), and progress callbacks."""
 
 import secrets
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -46,3 +46,11 @@ def replace_with_retry(source: Replaceable, target: Path) -> None:
         else:
             return
     source.replace(target)
+
+
+Progress = Callable[[float], None]
+"""Called with the fraction done, 0 to 1."""
+
+
+def ignore_progress(_fraction: float) -> None:
+    """Do nothing: the default progress callback."""

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from recordings.atomic_file import atomic_write, replace_with_retry
+from recordings.file_operations import atomic_write, replace_with_retry
 
 
 def test_temporary_file_replaces_the_file_at_the_end(tmp_path: Path) -> None:

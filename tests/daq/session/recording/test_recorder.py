@@ -2,7 +2,7 @@
 
 from multiprocessing import get_context
 
-from daq.session.recording.messages import MessageSender
+from daq.session.recording.recorder import MessageSender
 
 
 def test_messages_do_not_block_the_sender_and_stay_in_order() -> None:

@@ -15,8 +15,7 @@ from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.wiring import IntermittentContact
 from daq.session.live_update import RunState
 from daq.session.offline import summarise
-from daq.session.recording.health import loss_message, recording_health
-from daq.session.recording.statistics import RecorderStatistics
+from daq.session.recording.statistics import RecorderStatistics, loss_message, recording_health
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory
 from tests.daq.support.device_server import serving

@@ -3,9 +3,8 @@
 import pytest
 from mcap.records import ChunkIndex
 
-from recordings.mcap.chunk_table import ChunkLocation, ChunkTable
 from recordings.mcap.chunk_writer import encode_records
-from recordings.mcap.container import RECORD
+from recordings.mcap.container import RECORD, ChunkLocation, ChunkTable
 
 LATE = 1 << 63  # does not fit a signed 64-bit integer
 

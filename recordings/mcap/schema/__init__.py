@@ -1,1 +1,0 @@
-"""Protocol buffer messages of a run file; generated code."""
