@@ -12,18 +12,10 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import grpc
 import numpy as np
+from nidaqmx import errors
 from nidaqmx.constants import AcquisitionType, TaskMode, TerminalConfiguration, TriggerType
 from nidaqmx.constants import Edge as NiEdge
 from nidaqmx.error_codes import DAQmxErrors
-from nidaqmx.errors import (
-    DaqError,
-    DaqFunctionNotSupportedError,
-    DaqNotFoundError,
-    DaqReadError,
-    DaqWarning,
-    Error,
-    RpcError,
-)
 from nidaqmx.grpc_session_options import GrpcSessionOptions, SessionInitializationBehavior
 from nidaqmx.stream_readers import AnalogUnscaledReader, CounterReader
 from nidaqmx.system.device import Device
@@ -37,8 +29,8 @@ from analysis.signals.header import Device as DeviceRecord
 from daq.config.devices import device_spec
 from daq.config.rig import Rig
 from daq.config.schema import ChannelSection, DeviceSection, RigConfig
+from daq.drivers.ni import error_codes
 from daq.drivers.ni.device_server import DriverWarnings, open_channel, server_error
-from daq.drivers.ni.error_codes import ABSENT_CODES, BUSY_CODES, NOT_YET_AVAILABLE, device_fault, operator_message
 from daq.drivers.source import FoundDevice
 from daq.errors import DeviceError, DeviceFault
 
@@ -53,6 +45,7 @@ TERMINALS = {
     "nrse": TerminalConfiguration.NRSE,
 }
 EDGES = {Edge.RISING: NiEdge.RISING, Edge.FALLING: NiEdge.FALLING}
+CLOSED = "the card has been closed"
 
 
 class Connection:
@@ -68,7 +61,7 @@ class Connection:
         self._section = section
         self._channel: grpc.Channel | None = open_channel(section) if section.target else None
         self._location = f" at device server {section.target}" if section.target else ""  # for messages
-        self.warnings = DriverWarnings(DaqWarning)
+        self.warnings = DriverWarnings(errors.DaqWarning)
 
     def system(self) -> System:
         """Return nidaqmx's object for the driver."""
@@ -94,23 +87,10 @@ class Connection:
         )
 
     def acquisition_task(self, card: str, part: str = "", *, abandoned_after: float) -> Task:
-        """Return a new task for an acquisition.
+        """Return a new task for an acquisition; DeviceError if another client is reading one of this name.
 
-        At a server it has a fixed name. So the task of a client that died can be found and cleared.
-
-        Parameters
-        ----------
-        card : str
-            The driver's name of the card.
-        part : str
-            Suffix of the name of a further task.
-        abandoned_after : float
-            Time without a read after which an existing task counts as abandoned, s; 0 if it is known to be.
-
-        Raises
-        ------
-        DeviceError
-            Another client is reading a task of this name.
+        At a server it has a fixed name, with the suffix `part`, so that the task of a client that died can be found and
+        cleared: it has not been read for the time `abandoned_after`, s; 0 if it is known to be abandoned.
         """
         if self._channel is None:
             return Task()
@@ -119,7 +99,7 @@ class Connection:
         fresh = self._options(name, SessionInitializationBehavior.INITIALIZE_SERVER_SESSION)
         try:
             return Task(name, grpc_options=fresh)
-        except Error:
+        except errors.Error:
             self._clear_leftover(name, card, abandoned_after)
             raise
 
@@ -130,24 +110,21 @@ class Connection:
         try:
             with self.warnings.collected():
                 yield
-        except DaqError as error:
+        except errors.DaqError as error:
             code = int(error.error_code)
-            fault = device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
-            raise DeviceError(fault, f"{section.product}: {operator_message(code, str(error))}", code) from error
-        except RpcError as error:
+            fault = error_codes.device_fault(code, known=error.error_type is not DAQmxErrors.UNKNOWN)
+            raise DeviceError(
+                fault, f"{section.product}: {error_codes.operator_message(code, str(error))}", code
+            ) from error
+        except errors.RpcError as error:
             raise server_error(section, error.rpc_code, error.description, error) from error
-        except DaqNotFoundError as error:
+        except errors.DaqNotFoundError as error:
+            raise DeviceError(DeviceFault.DRIVER, error_codes.DRIVER_NOT_INSTALLED) from error
+        except errors.DaqFunctionNotSupportedError as error:
             raise DeviceError(
-                DeviceFault.DRIVER,
-                "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
-                "device.target to the host:port of a device server",
+                DeviceFault.DRIVER, f"{error_codes.DRIVER_TOO_OLD} ({' '.join(str(error).split())})"
             ) from error
-        except DaqFunctionNotSupportedError as error:
-            raise DeviceError(
-                DeviceFault.DRIVER,
-                f"the NI-DAQmx driver on this machine is too old: install a newer one ({' '.join(str(error).split())})",
-            ) from error
-        except (Error, OSError) as error:  # not for this platform, or not loadable
+        except (errors.Error, OSError) as error:  # not for this platform, or not loadable
             raise DeviceError(DeviceFault.DRIVER, f"NI-DAQmx: {' '.join(str(error).split())}") from error
 
     def close(self) -> None:
@@ -182,7 +159,7 @@ class Connection:
             device.self_test_device()
             try:
                 calibrated: dt.datetime = device.self_cal_last_date_and_time
-            except (DaqError, ValueError):  # not supported, or never done: no such date
+            except (errors.DaqError, ValueError):  # not supported, or never done: no such date
                 return None
         return calibrated.date()
 
@@ -192,8 +169,8 @@ class Connection:
             try:
                 task.ai_channels.add_ai_voltage_chan(f"{device.name}/ai0")
                 task.control(TaskMode.TASK_COMMIT)
-            except DaqError as error:
-                return True if error.error_code in BUSY_CODES else None
+            except errors.DaqError as error:
+                return True if error.error_code in error_codes.BUSY_CODES else None
         return False
 
     def _options(
@@ -209,22 +186,21 @@ class Connection:
             leftover = Task(
                 name, grpc_options=self._options(name, SessionInitializationBehavior.ATTACH_TO_SERVER_SESSION)
             )
-        except Error:
+        except errors.Error:
             return  # there is none; an error of the server is reported when the new task is created
         if abandoned_after:
             position = _position(leftover)
             time.sleep(abandoned_after)
             if _position(leftover) != position:
-                raise DeviceError(
-                    DeviceFault.BUSY, f"another recording is reading {card}{self._location}: stop it there"
-                )
+                where = f"{card}{self._location}"
+                raise DeviceError(DeviceFault.BUSY, f"another recording is reading {where}: stop it there")
         leftover.close()
 
 
 def _position(task: Task) -> int | None:
     try:
         return int(task.in_stream.curr_read_pos)
-    except DaqError:
+    except errors.DaqError:
         return None  # the task is not running
 
 
@@ -276,8 +252,8 @@ class NiCounter:
         """
         try:
             n = self._reader.read_many_sample_uint32(self._counts, self._counts.size, timeout=0.0)
-        except DaqReadError as error:
-            if error.error_code != NOT_YET_AVAILABLE:
+        except errors.DaqReadError as error:
+            if error.error_code != error_codes.NOT_YET_AVAILABLE:
                 raise
             n = error.samps_per_chan_read
         return self._counts[:n].copy(), n < self._counts.size
@@ -297,6 +273,8 @@ class NiCard:
         The acquisition with its actual settings, read back from the device.
     counter_wrap : int
         Number of ticks after which a count starts again from 0.
+    warnings : DriverWarnings
+        The driver's warnings.
 
     Raises
     ------
@@ -307,7 +285,9 @@ class NiCard:
 
     def __init__(self, rig: Rig) -> None:
         self._connection = Connection(rig.config.device)
+        self.warnings = self._connection.warnings
         self._task: Task | None = None
+        self._counter_task: Task | None = None
         self._counter: NiCounter | None = None
         self._lock = threading.Lock()
         self._closed = False
@@ -321,7 +301,9 @@ class NiCard:
                 self._task = self._connection.acquisition_task(self._name, abandoned_after=ABANDONED_AFTER)
                 self.acquisition = self._configure(self._task, rig, device)
                 if rig.tacho.counter is not None:
-                    self._counter = self._create_counter(rig, rig.tacho.counter)
+                    # No wait for another client: this one has already reserved the analog inputs.
+                    self._counter_task = self._connection.acquisition_task(self._name, "-counter", abandoned_after=0.0)
+                    self._counter = NiCounter(self._counter_task, self._name, rig.tacho.counter, rig.config)
             undo.pop_all()
 
     def start(self) -> None:
@@ -339,8 +321,8 @@ class NiCard:
         with self._locked_task():
             try:
                 n = self._reader.read_int16(self._buffer, self._block, self._timeout)
-            except DaqReadError as error:
-                if error.error_code != NOT_YET_AVAILABLE or not error.samps_per_chan_read:
+            except errors.DaqReadError as error:
+                if error.error_code != error_codes.NOT_YET_AVAILABLE or not error.samps_per_chan_read:
                     raise
                 n = error.samps_per_chan_read
         rows = len(self.acquisition.channels)
@@ -376,32 +358,27 @@ class NiCard:
         with self._locked_counter() as counter:
             return counter.read()
 
-    def new_warnings(self) -> list[str]:
-        """Return the driver's warnings since the last call, each warning once."""
-        return self._connection.warnings.take_new()
-
     def is_present(self) -> bool:
         """Return whether the card is still connected; only after `release`, because a busy card cannot be tested."""
         try:
             with self._lock, self._connection.errors_translated():
                 if self._closed:
-                    raise _closed()
+                    return True  # unknown
                 if self._name not in self._system.devices.device_names:
                     return False
                 self._system.devices[self._name].self_test_device()
         except DeviceError as error:
-            return error.code not in ABSENT_CODES
+            return error.code not in error_codes.ABSENT_CODES
         return True
 
     def release(self) -> None:
         """Free the card for other programs, after a read in progress; may be called twice."""
         with self._lock:
-            counter, self._counter = self._counter, None
-            task, self._task = self._task, None
-            for each in (None if counter is None else counter.task, task):
-                if each is not None:
-                    with suppress(Error):  # the card or its server may be gone
-                        each.close()
+            tasks = [each for each in (self._counter_task, self._task) if each is not None]
+            self._counter_task = self._task = self._counter = None
+            for each in tasks:
+                with suppress(errors.Error):  # the card or its server may be gone
+                    each.close()
 
     def close(self) -> None:
         """Release the card and close the connection to it; may be called twice."""
@@ -410,20 +387,19 @@ class NiCard:
             self._closed = True
             self._connection.close()
 
-    def _create_counter(self, rig: Rig, counter: TachoCounter) -> NiCounter:
-        # No wait for another client: this one has already reserved the analog inputs.
-        task = self._connection.acquisition_task(self._name, "-counter", abandoned_after=0.0)
-        try:
-            return NiCounter(task, self._name, counter, rig.config)
-        except Error:
-            with suppress(Error):
-                task.close()
-            raise
-
     def _configure(self, task: Task, rig: Rig, device: Device) -> Acquisition:
         timing = rig.config.timing
         sections = sorted(rig.config.channel, key=lambda section: section.role is Role.TACHO)  # settles last
-        inputs = [self._add(task, section) for section in sections]
+        inputs: list[AIChannel] = [
+            task.ai_channels.add_ai_voltage_chan(
+                f"{self._name}/{section.physical}",
+                section.name,
+                terminal_config=TERMINALS[section.terminal],
+                min_val=-section.range_v,
+                max_val=section.range_v,
+            )
+            for section in sections
+        ]
         size = math.ceil(timing.rate_hz * timing.buffer_s)
         task.timing.cfg_samp_clk_timing(timing.rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=size)
         task.in_stream.input_buf_size = size  # samps_per_chan alone only raises the driver's default
@@ -449,33 +425,19 @@ class NiCard:
             buffer=int(task.in_stream.input_buf_size),
         )
 
-    def _add(self, task: Task, section: ChannelSection) -> AIChannel:
-        channel: AIChannel = task.ai_channels.add_ai_voltage_chan(
-            f"{self._name}/{section.physical}",
-            section.name,
-            terminal_config=TERMINALS[section.terminal],
-            min_val=-section.range_v,
-            max_val=section.range_v,
-        )
-        return channel
-
     @contextmanager
     def _locked_task(self) -> Iterator[Task]:
         with self._lock, self._connection.errors_translated():
             if self._task is None:
-                raise _closed()
+                raise DeviceError(DeviceFault.OTHER, CLOSED)
             yield self._task
 
     @contextmanager
     def _locked_counter(self) -> Iterator[NiCounter]:
         with self._lock, self._connection.errors_translated():
             if self._counter is None:
-                raise _closed()
+                raise DeviceError(DeviceFault.OTHER, CLOSED)
             yield self._counter
-
-
-def _closed() -> DeviceError:
-    return DeviceError(DeviceFault.OTHER, "the card has been closed")
 
 
 def _channel(rig: Rig, section: ChannelSection, channel: AIChannel) -> Channel:

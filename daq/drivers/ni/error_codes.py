@@ -10,6 +10,11 @@ from contextlib import contextmanager
 from daq.errors import DeviceError, DeviceFault
 
 NOT_YET_AVAILABLE = -200284  # a read timed out; it delivers the samples that have arrived
+DRIVER_NOT_INSTALLED = (
+    "the NI-DAQmx driver is not installed on this machine: install NI-DAQmx from ni.com/downloads, or set "
+    "device.target to the host:port of a device server"
+)
+DRIVER_TOO_OLD = "the NI-DAQmx driver on this machine is too old: install a newer one"
 
 _FULL = (
     "the samples were not fetched fast enough and the buffer {}: "

@@ -300,7 +300,7 @@ class NiSource:
     def _with_details(self, end: SegmentEnd) -> SegmentEnd:
         """Return a segment's end with the counter's fault and the driver's warnings added to its detail."""
         end = self._stamps.with_fault(end)
-        return replace(end, detail="; ".join(filter(None, (end.detail, *self._card.new_warnings()))))
+        return replace(end, detail="; ".join(filter(None, (end.detail, *self._card.warnings.take_new()))))
 
     def _backlog(self) -> tuple[int, DeviceError | None]:
         try:
