@@ -28,7 +28,7 @@ from daq.service import rendering
 from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.schemas.uploads import ColumnsSchema, columns_schema
-from daq.service.worker_pool import TIME_LIMIT, WorkerPool, WorkerStoppedError, WorkerTimeoutError
+from daq.session.processes import WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import RunEntry
@@ -37,6 +37,8 @@ from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatErr
 from recordings.exchange.formats import read_table
 
 ResultT = TypeVar("ResultT")
+TIME_LIMIT = 30.0  # s for one result
+NICENESS = 15  # increase, of the worker processes: below the acquisition and the live view
 MAX_SPEED_DIFFERENCE = 300.0 * RPM  # rad/s, between the requested speed and a measured bin
 
 
@@ -85,7 +87,7 @@ class ResultsReader:
 
     def __init__(self, models: PredictionProvider, processes: int = 1, time_limit: float = TIME_LIMIT) -> None:
         self._models = models
-        self._pool = WorkerPool(processes, time_limit)
+        self._pool = WorkerPool(processes, NICENESS, time_limit)
 
     def result(self, run: RunEntry, requested_path: str, query: BaseModel | None, *, gzipped: bool) -> bytes:
         """Return the response body of a path (see `daq.service.rendering`), gzipped if wanted."""

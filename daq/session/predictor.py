@@ -1,14 +1,10 @@
 """Predictions for a run: from a cached map, computed in a child process, or computed at exactly the steady speed."""
 
-import multiprocessing
+import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,7 +16,7 @@ from analysis.signals.header import AnalysisSettings, Limits, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rig import Rig, model_parameters
 from daq.session.prediction_maps import cache_folder, load_or_compute_map, map_file, read_map
-from daq.session.processes import JOIN_TIMEOUT, end_process, leave_signals_to_parent, lower_priority, start_process
+from daq.session.processes import JOIN_TIMEOUT, WorkerProcess, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import (
     Prediction,
@@ -32,14 +28,17 @@ from model.prediction.prediction_map import (
 )
 from model.rotor.parameters import ModelParameters
 
+logger = logging.getLogger(__name__)
+
+FloatArray = NDArray[np.float64]
+
+PREDICTION_TIMEOUT = 120.0  # s without progress after which a computation is given up
+WAIT_INTERVAL = 0.2  # s of one wait, short so that Ctrl-C works on all platforms
 STEADY_TOLERANCE = 2e-3  # relative change of a steady speed between calls; cold air is steady to 0.2 % RMS
 RECOMPUTE_TOLERANCE = 1e-3  # relative distance of the last prediction's speed above which another is computed
 DISPLAY_TOLERANCE = 5e-3  # relative distance up to which the last prediction is returned
-NICENESS = 10  # below the acquisition and the live view
+MAP_NICENESS, REFINER_NICENESS = 5, 10  # below the acquisition and the live view
 ANSWER_TIMEOUT = 120.0  # s for one result, which includes compilation on a new machine
-
-# an intermediate prediction, an error message, or None where the last prediction has converged
-_Answer = Prediction | str | None
 
 
 class Refiner:
@@ -58,8 +57,8 @@ class Refiner:
 
     Notes
     -----
-    The process starts at the first steady speed. It gets one request at a time and returns one intermediate prediction
-    for it, so that a new speed waits for one integration step at most. Close the refiner.
+    The process starts at the first steady speed. Each request returns one intermediate prediction, so that a new speed
+    waits for one integration step at most. Close the refiner.
     """
 
     def __init__(
@@ -78,7 +77,7 @@ class Refiner:
         self._exact: Prediction | None = None
         self._failure = ""
         self._is_closing = False
-        self._process: BaseProcess | None = None
+        self._worker = WorkerProcess(REFINER_NICENESS)
         self._thread = threading.Thread(target=self._work, name="refiner", daemon=True)
         self._thread.start()
 
@@ -106,60 +105,42 @@ class Refiner:
         with self._changed:
             self._is_closing = True
             self._changed.notify()
-            process = self._process
-        if process is not None:
-            end_process(process)  # ends the thread's wait for an answer as well
+        self._worker.close()
         self._thread.join(2 * JOIN_TIMEOUT)
 
     def _work(self) -> None:
-        """Start the process at the first requested speed and send it requests; body of the thread."""
-        if self._wait_for_request() is None:
-            return
-        context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
-        pipe, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs,), name="rig-refiner", daemon=True)
-        with pipe:
+        """Request predictions, one after the other; body of the thread."""
+        while (speed := self._wait_for_request()) is not None:
             try:
-                with theirs:
-                    start_process(process)
-                if not self._register(process):
-                    pipe.send(self._model)
-                    while (speed := self._wait_for_request()) is not None:
-                        pipe.send(speed)
-                        self._store(speed, self._receive(pipe))
-            except TimeoutError as error:
-                self._failure = str(error)
-            except (EOFError, OSError) as error:
-                self._failure = f"the process that computes it ended ({type(error).__name__})"
-        if process.pid is not None:
-            end_process(process)
-        self._process = None
-
-    def _register(self, process: BaseProcess) -> bool:
-        """Register the process for `close`; return whether `close` has been called."""
-        with self._changed:
-            self._process = process
-            return self._is_closing
-
-    def _receive(self, pipe: Connection) -> _Answer:
-        """Return the next answer of the process; TimeoutError where none arrives."""
-        if not pipe.poll(self._answer_timeout):
-            raise TimeoutError(f"the process that computes it has not answered for {self._answer_timeout:g} s")
-        answer: _Answer = pipe.recv()
-        return answer
+                prediction = self._worker.run(_next_prediction, speed, *self._model, time_limit=self._answer_timeout)
+            except WorkerTimeoutError:
+                self._failure = f"the process that computes it has not answered for {self._answer_timeout:g} s"
+                return
+            except WorkerStoppedError as error:
+                self._failure = f"the process that computes it ended ({error})"
+                return
+            except ModelError as error:
+                self._store(speed, None, str(error))
+            except Exception as error:
+                self._failure = f"the process that computes it failed ({type(error).__name__})"
+                logger.exception("the computation of a prediction failed")
+                return
+            else:
+                self._store(speed, prediction)
 
     def _wait_for_request(self) -> float | None:
         with self._changed:
             self._changed.wait_for(lambda: self._is_closing or self._requested is not None)
             return None if self._is_closing else self._requested
 
-    def _store(self, speed: float, answer: _Answer) -> None:
+    def _store(self, speed: float, prediction: Prediction | None, failure: str = "") -> None:
+        """Store the next prediction at a speed; None where the last one has converged, or the model has failed."""
         with self._changed:
-            if isinstance(answer, Prediction):
-                self._exact, self._failure = answer, ""
+            if prediction is not None:
+                self._exact, self._failure = prediction, ""
                 return
-            if isinstance(answer, str):
-                self._failed_speed, self._failure = speed, answer
+            if failure:
+                self._failed_speed, self._failure = speed, failure
             if self._requested == speed:
                 self._requested = None
 
@@ -168,47 +149,18 @@ def _is_within(tolerance: float, speed: float, other: float) -> bool:
     return abs(speed - other) <= tolerance * speed
 
 
-def _serve(pipe: Connection) -> None:
-    """Answer each requested speed with the next intermediate prediction; entry point of the process."""
-    leave_signals_to_parent()
-    lower_priority(NICENESS)
-    try:
-        parameters, settings, prediction_map = pipe.recv()
-        speed: float | None = None
-        while True:
-            requested: float = pipe.recv()
-            if requested != speed:
-                speed, predictions = requested, refine(parameters, requested, prediction_map, settings)
-            pipe.send(_next_answer(predictions))
-    except (EOFError, OSError):
-        return
+_refinements: dict[float, Iterator[Prediction]] = {}
+"""Intermediate predictions at the last requested speed, in the worker process."""
 
 
-def _next_answer(predictions: Iterator[Prediction]) -> _Answer:
-    try:
-        return next(predictions, None)
-    except ModelError as error:
-        return str(error)
-
-
-FloatArray = NDArray[np.float64]
-
-PREDICTION_TIMEOUT = 120.0  # s without progress after which a computation is given up
-WAIT_INTERVAL = 0.2  # s of one wait, short so that Ctrl-C works on all platforms
-
-
-@dataclass(frozen=True, slots=True)
-class _Progress:
-    done: int
-    total: int
-
-
-@dataclass(frozen=True, slots=True)
-class _Failure:
-    reason: str
-
-
-_Report = _Progress | _Failure | dict[str, NDArray[np.generic]]
+def _next_prediction(
+    speed: float, parameters: ModelParameters, settings: AnalysisSettings, prediction_map: PredictionMap
+) -> Prediction | None:
+    """Return the next intermediate prediction at a speed, rad/s; None where the last one has converged."""
+    if speed not in _refinements:
+        _refinements.clear()
+        _refinements[speed] = refine(parameters, speed, prediction_map, settings)
+    return next(_refinements[speed], None)
 
 
 class Predictor:
@@ -248,18 +200,11 @@ class Predictor:
         self._failure = ""
         self._is_closed = False
         self._changed = threading.Condition()
-        self._process: BaseProcess | None = None
+        self._worker = WorkerProcess(MAP_NICENESS)
         self._map, self._cache_error = read_map(self._file)
         self._finished = self._map is not None
+        self._thread = threading.Thread(target=self._compute, args=(speeds,), name="prediction", daemon=True)
         if not self._finished:
-            context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
-            reports, theirs = context.Pipe(duplex=False)
-            self._process = context.Process(
-                target=_compute, args=(theirs, parameters, speeds, settings, self._file), name="prediction", daemon=True
-            )
-            start_process(self._process)
-            theirs.close()
-            self._thread = threading.Thread(target=self._listen, args=(reports,), name="prediction", daemon=True)
             self._thread.start()
 
     @property
@@ -331,13 +276,10 @@ class Predictor:
             self._is_closed = True
         if self._refiner is not None:
             self._refiner.close()
-        process, self._process = self._process, None
-        if process is None:
-            return
-        if not self._finished:
-            self._finish(failure="stopped")
-        end_process(process)
-        self._thread.join(JOIN_TIMEOUT)
+        self._finish(failure="stopped")
+        self._worker.close()
+        if self._thread.ident is not None:
+            self._thread.join(JOIN_TIMEOUT)
 
     def __enter__(self) -> Self:
         return self
@@ -347,22 +289,24 @@ class Predictor:
     ) -> None:
         self.close()
 
-    def _listen(self, reports: Connection) -> None:
-        """Receive the reports of the process; runs in a thread, since a report may stop arriving half-way."""
-        with reports:
-            while not self._finished:
-                try:
-                    report: _Report = reports.recv()
-                except (EOFError, OSError):
-                    report = _Failure("the computation ended without a result")
-                if isinstance(report, _Progress):
-                    with self._changed:
-                        self._percent = 100 * report.done // report.total
-                        self._changed.notify_all()
-                elif isinstance(report, _Failure):
-                    self._finish(failure=report.reason)
-                else:
-                    self._finish(PredictionMap.from_arrays(report))
+    def _compute(self, speeds: FloatArray) -> None:
+        """Compute the map in the process; body of the thread."""
+        try:
+            arguments = (self._file, self._parameters, speeds, self._settings)
+            self._finish(self._worker.run(_load_or_compute, *arguments, on_progress=self._set_percent))
+        except ModelError as error:
+            self._finish(failure=str(error))
+        except WorkerStoppedError:
+            self._finish(failure="the computation ended without a result")
+        except Exception:
+            self._finish(failure="the computation ended without a result")
+            logger.exception("the computation of the prediction map failed")
+        self._worker.close()
+
+    def _set_percent(self, percent: int) -> None:
+        with self._changed:
+            self._percent = percent
+            self._changed.notify_all()
 
     def _finish(self, found: PredictionMap | None = None, failure: str = "") -> None:
         """Store the result of the computation; only the first call counts."""
@@ -423,20 +367,16 @@ class Predictors:
         self.close()
 
 
-def _compute(
-    reports: Connection, parameters: ModelParameters, speeds: FloatArray, settings: AnalysisSettings, file: Path
-) -> None:
-    """Load or compute a map and send it; entry point of the child process."""
-    leave_signals_to_parent()
-    lower_priority()
-    with suppress(BrokenPipeError):  # the parent has closed the pipe
-        try:
-            prediction_map = load_or_compute_map(
-                file,
-                partial(compute_prediction_map, parameters, speeds, settings),
-                lambda done, total: reports.send(_Progress(done, total)),
-            )
-        except ModelError as error:
-            reports.send(_Failure(str(error)))
-            return
-        reports.send(prediction_map.to_arrays())
+def _load_or_compute(
+    report_percent: Callable[[int], None],
+    file: Path,
+    parameters: ModelParameters,
+    speeds: FloatArray,
+    settings: AnalysisSettings,
+) -> PredictionMap:
+    """Load or compute a map; the function of the child process."""
+    return load_or_compute_map(
+        file,
+        partial(compute_prediction_map, parameters, speeds, settings),
+        lambda done, total: report_percent(100 * done // total),
+    )

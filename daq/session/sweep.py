@@ -3,19 +3,15 @@
 import importlib
 import itertools
 import os
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 from uuid import uuid4
 
 from daq.errors import RigError, UsageError
-from daq.session.processes import end_process, ignore_terminal_signals, lower_priority, terminal_signals_blocked
+from daq.session.processes import WorkerPool, WorkerStoppedError
 from model.rotor.parameters import ModelParameters
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult, compute_points, variable_names
 from recordings.file_operations import atomic_write
@@ -103,8 +99,8 @@ class SweepStore:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-MAX_RESTARTS = 5  # of broken process pools in a sweep
-MAX_RETRIES = 5  # of a task on a cluster whose workers die
+MAX_RETRIES = 5  # of a task whose workers die
+NICENESS = 5  # increase, of local processes
 CONNECT_TIMEOUT = 10.0  # s
 WAIT_INTERVAL = 0.5  # s of one wait: an endless wait blocks Ctrl-C on some platforms
 
@@ -130,70 +126,31 @@ class LocalWorkers:
         self._count = (usable_processors() if count is None else count) or 1
 
     def run(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> Iterator[tuple[int, Result]]:
-        """Yield each task's index and result; a pool is replaced when one of its processes dies."""
-        left = dict(enumerate(tasks))
-        for _ in range(1 + MAX_RESTARTS):
-            pool_context = _PoolContext()
-            executor = ProcessPoolExecutor(self._count, mp_context=pool_context, initializer=_start_worker)
-            try:
-                yield from self._submit_and_collect(executor, function, left)
-            except BrokenProcessPool:
-                continue
-            finally:
-                if left:  # running tasks are not waited for: they may take minutes, or hang
-                    pool_context.end()
-                executor.shutdown(wait=True, cancel_futures=True)
-            return
-        raise RigError(
-            f"sweep: its processes died {1 + MAX_RESTARTS} times without a result; finished points are saved"
-        )
-
-    def _submit_and_collect(
-        self, executor: ProcessPoolExecutor, function: Callable[[Task], Result], left: dict[int, Task]
-    ) -> Iterator[tuple[int, Result]]:
-        """Yield results and remove them from `left`; submit only as many tasks as keep the processes busy."""
-        waiting = iter(list(left.items()))
+        """Yield each task's index and result; a task whose process dies is repeated."""
+        waiting = iter(enumerate(tasks))
         running: dict[Future[Result], int] = {}
-        while True:
-            while len(running) < 2 * self._count and (following := next(waiting, None)) is not None:
-                number, task = following
-                running[executor.submit(function, task)] = number
-            if not running:
-                return
-            done, _ = wait(running, WAIT_INTERVAL, return_when=FIRST_COMPLETED)
-            for future in done:
-                number = running.pop(future)
-                result = future.result()
-                del left[number]
-                yield number, result
+        with ThreadPoolExecutor(self._count) as threads, WorkerPool(self._count, NICENESS) as workers:
+            while True:
+                while len(running) < 2 * self._count and (following := next(waiting, None)) is not None:
+                    number, task = following
+                    running[threads.submit(_run_repeatedly, workers, function, task)] = number
+                if not running:
+                    return
+                done, _ = wait(running, WAIT_INTERVAL, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield running.pop(future), future.result()
 
 
-class _PoolProcess(SpawnProcess):
-    """A process started with terminal signals blocked."""
-
-    def start(self) -> None:
-        with terminal_signals_blocked():
-            super().start()
-
-
-class _PoolContext(SpawnContext):
-    """A spawn context that records its processes, so that a pool can be terminated."""
-
-    def __init__(self) -> None:
-        self._processes: list[_PoolProcess] = []
-
-    def Process(  # type: ignore[override]  # noqa: N802 - the name of the class attribute that it replaces
-        self, *arguments: Any, **named: Any
-    ) -> _PoolProcess:
-        """Return a new process and record it."""
-        self._processes.append(_PoolProcess(*arguments, **named))
-        return self._processes[-1]
-
-    def end(self) -> None:
-        """Terminate all processes."""
-        for process in self._processes:
-            if process.is_alive():
-                end_process(process)
+def _run_repeatedly(workers: WorkerPool, function: Callable[[Task], Result], task: Task) -> Result:
+    """Return a task's result; RigError where its process dies again and again."""
+    death: WorkerStoppedError | None = None
+    for _ in range(1 + MAX_RETRIES):
+        try:
+            return workers.run(function, task)
+        except WorkerStoppedError as error:
+            death = error
+    message = f"sweep: its processes died {1 + MAX_RETRIES} times without a result; finished points are saved"
+    raise RigError(message) from death
 
 
 class DaskWorkers:
@@ -254,20 +211,6 @@ def usable_processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _start_worker() -> None:
-    ignore_terminal_signals()
-    lower_priority()
-    threading.Thread(target=_exit_with_parent, name="parent", daemon=True).start()
-
-
-def _exit_with_parent() -> None:
-    """End this process when its parent has died."""
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 SAVE_INTERVAL = 2.0  # s between two parts on disk

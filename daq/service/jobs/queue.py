@@ -14,7 +14,7 @@ from typing import Final, Self, TypeAlias
 
 from analysis.signals.errors import AnalysisError
 from daq.errors import RigError
-from daq.service.worker_pool import WorkerProcess
+from daq.session.processes import WorkerProcess
 from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
 from recordings.errors import RecordingError, StorageError
@@ -26,6 +26,7 @@ JOB_TIME_LIMIT: Final = 6 * 3600.0  # s for one job
 CLEANUP_INTERVAL: Final = 60.0  # s between two deletions of expired jobs
 ABANDONED_AFTER: Final = 24 * 3600.0  # s: older results were left behind by a killed service
 JOIN_TIMEOUT: Final = 5.0  # s
+NICENESS: Final = 15  # increase, of the worker process: below the acquisition and the live view
 
 logger = logging.getLogger(__name__)
 
@@ -177,7 +178,7 @@ class JobQueue:
         self._time_limit = time_limit
         self._changed = threading.Condition()
         self._jobs: dict[str, Job] = {}  # in order of submission
-        self._process = WorkerProcess()
+        self._worker = WorkerProcess(NICENESS)
         self._running = ""
         self._thread: threading.Thread | None = None
         self._is_stopped = False
@@ -216,25 +217,20 @@ class JobQueue:
         with self._changed:
             job = self.job(job_id)
             del self._jobs[job_id]
-            if self._running == job_id:
-                self._process.cancel()
-            else:
-                self._discard(job_id)
+            running = self._worker if self._running == job_id else None
+        if running is None:
+            self._discard(job_id)
+        else:
+            running.close()  # the next job gets another one
         return job.as_cancelled()
 
-    def stop(self) -> None:
-        """Cancel the running job and refuse further ones."""
+    def close(self) -> None:
+        """Cancel the running job, wait for its end, and delete all results; further jobs are refused."""
         with self._changed:
             self._is_stopped = True
-            self._process.cancel()
             self._changed.notify_all()
-
-    def close(self) -> None:
-        """Cancel the running job, wait for its end, and delete all results."""
-        self.stop()
+        self._worker.close()
         if self._thread is not None:
-            self._thread.join(JOIN_TIMEOUT)
-            self._process.kill()  # no effect unless the process hangs
             self._thread.join(JOIN_TIMEOUT)
         with self._changed:
             for job_id in self._jobs:
@@ -245,14 +241,13 @@ class JobQueue:
         """Run one job after the other: the body of the thread."""
         self._delete_abandoned()
         while (job := self._wait_for_job()) is not None:
-            self._run_job(job, self._process)
+            self._run_job(job)
             with self._changed:
                 self._running = ""
                 if job.id not in self._jobs:  # it was cancelled, and its process ended with it
                     self._discard(job.id)
                     if not self._is_stopped:
-                        self._process = WorkerProcess()
-        self._process.stop()
+                        self._worker = WorkerProcess(NICENESS)
 
     def _wait_for_job(self) -> Job | None:
         """Wait for a job, mark it as running and return it; None when the queue is stopped."""
@@ -266,10 +261,10 @@ class JobQueue:
                     return job
                 if not self._changed.wait(CLEANUP_INTERVAL):
                     self._delete_expired()
-                    self._process.stop()  # frees its memory; the next job starts it again
+                    self._worker.kill()  # frees its memory; the next job starts it again
         return None
 
-    def _run_job(self, job: Job, process: WorkerProcess) -> None:
+    def _run_job(self, job: Job) -> None:
         """Run a job and store its outcome."""
 
         def on_progress(progress: Progress) -> None:
@@ -278,7 +273,8 @@ class JobQueue:
         target = self._folder / job.id / job.task.file
         try:
             _create_folder(target.parent)
-            process.run(job.task.work, (target, *job.task.arguments), self._time_limit, on_progress)
+            arguments = (target, *job.task.arguments)
+            self._worker.run(job.task.work, *arguments, time_limit=self._time_limit, on_progress=on_progress)
         except (RigError, RecordingError, AnalysisError, ModelError) as error:
             self._update(job.id, state=JobState.FAILED, ended=time.time(), error=str(error))
         except Exception as error:  # the next job must run regardless

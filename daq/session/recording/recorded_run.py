@@ -27,7 +27,7 @@ from daq.session.live_update import (
     acknowledgement_marker,
     alarm_marker,
 )
-from daq.session.processes import start_process
+from daq.session.processes import terminal_signals_blocked
 from daq.session.recording.recorder import (
     RESULTS_DEADLINE,
     AcquisitionEnded,
@@ -147,7 +147,8 @@ class RecordedRun:
         process = context.Process(
             target=record, args=(self._request, self._ring.memory, self._statistics_memory, there), name="rig-recorder"
         )
-        start_process(process)
+        with terminal_signals_blocked():
+            process.start()
         there.close()
         return here, process
 

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from multiprocessing import Pipe
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ import pytest
 from analysis.signals.header import AnalysisSettings
 from daq.session.prediction_maps import cache_folder
 from daq.session.predictor import DISPLAY_TOLERANCE, RECOMPUTE_TOLERANCE, Predictor, Refiner
+from daq.session.processes import WorkerProcess
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction, PredictionMap, compute_prediction_map, predict, refine
 from model.rotor.gj90c import gj90c
@@ -24,6 +25,13 @@ from tests.daq.support.recording import wait_until
 SETTINGS = AnalysisSettings(revolutions=8)
 SPEEDS = np.array([500.0, 560.0, 620.0])
 TIMEOUT = 100.0  # s, includes compilation on a new machine
+
+
+def running_process(worker: WorkerProcess) -> BaseProcess:
+    """Wait until a worker's process runs, and return it."""
+    wait_until(lambda: worker._process is not None)
+    assert worker._process is not None
+    return worker._process
 
 
 def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None = None) -> Predictor:
@@ -97,8 +105,7 @@ def test_truncated_file_is_replaced(filled: Path, tmp_path: Path) -> None:
 
 def test_closing_ends_the_computation(tmp_path: Path) -> None:
     computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
-    process = computing._process
-    assert process is not None
+    process = running_process(computing._worker)
     pid = process.pid
     assert pid is not None
     computing.close()
@@ -118,8 +125,7 @@ def test_model_without_solution_is_off_with_the_reason(tmp_path: Path) -> None:
 
 def test_model_is_off_after_its_computation_is_killed(tmp_path: Path) -> None:
     with predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400))) as killed:
-        process = killed._process
-        assert process is not None
+        process = running_process(killed._worker)
         process.kill()
         killed.wait(TIMEOUT)
         assert killed.state == "off: the computation ended without a result"
@@ -128,8 +134,7 @@ def test_model_is_off_after_its_computation_is_killed(tmp_path: Path) -> None:
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_suspended_computation_blocks_no_caller_and_is_ended(tmp_path: Path) -> None:
     computing = predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))
-    process = computing._process
-    assert process is not None
+    process = running_process(computing._worker)
     assert process.pid is not None
     os.kill(process.pid, signal.SIGSTOP)
     assert computing.state.startswith("computing")
@@ -137,21 +142,6 @@ def test_suspended_computation_blocks_no_caller_and_is_ended(tmp_path: Path) -> 
     assert computing.wait(0.1) is None
     computing.close()
     assert not process.is_alive()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX pipes")
-def test_truncated_message_blocks_no_caller(filled: Path) -> None:
-    with predictor(filled) as listening:
-        here, there = Pipe(duplex=False)
-        listening._map, listening._finished = None, False
-        thread = threading.Thread(target=listening._listen, args=(here,))
-        thread.start()
-        os.write(there.fileno(), (1 << 20).to_bytes(4, "big") + bytes(1000))
-        assert listening.state == "computing 0 %"
-        assert listening.wait(0.1) is None
-        there.close()
-        thread.join(TIMEOUT)
-        assert listening.state == "off: the computation ended without a result"
 
 
 def test_map_is_computed_without_a_writable_cache_folder(tmp_path: Path) -> None:
@@ -270,7 +260,7 @@ def test_changing_speed_is_not_computed(refiner: Refiner) -> None:
     for speed in np.linspace(500.0, 550.0, 30):
         assert refiner.at(float(speed)) is None
     assert refiner._requested is None
-    assert refiner._process is None
+    assert refiner._worker._process is None
 
 
 def test_latest_requested_speed_is_computed_first(refiner: Refiner) -> None:
@@ -284,8 +274,7 @@ def test_latest_requested_speed_is_computed_first(refiner: Refiner) -> None:
 
 def test_killed_process_is_reported(refiner: Refiner) -> None:
     refined(refiner, 511.0)
-    process = refiner._process
-    assert process is not None
+    process = running_process(refiner._worker)
     process.kill()
     refiner.at(530.0)
     refiner.at(530.0)
@@ -308,8 +297,7 @@ def test_speed_without_solution_is_reported_and_other_speeds_are_computed(predic
         assert failing.failure == str(raised.value)
         assert failing.at(511.0) is None
         assert failing._requested is None
-        process = failing._process
-        assert process is not None
+        process = running_process(failing._worker)
         assert process.is_alive()
         failing.at(530.0)
         failing.at(530.0)
@@ -326,15 +314,14 @@ def test_closing_joins_thread_and_process(prediction_map: PredictionMap, n_calls
     refiner.close()
     refiner.close()
     assert not refiner._thread.is_alive()
-    assert refiner._process is None
+    assert refiner._worker._process is None
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
 def test_suspended_process_is_ended(prediction_map: PredictionMap) -> None:
     refiner = Refiner(gj90c(), SETTINGS, prediction_map)
     refined(refiner, 511.0)
-    process = refiner._process
-    assert process is not None
+    process = running_process(refiner._worker)
     pid = process.pid
     assert pid is not None
     os.kill(pid, signal.SIGSTOP)
@@ -351,8 +338,7 @@ def test_suspended_process_is_ended(prediction_map: PredictionMap) -> None:
 def test_suspended_process_is_given_up_after_the_timeout(prediction_map: PredictionMap) -> None:
     refiner = Refiner(gj90c(), SETTINGS, prediction_map)
     refined(refiner, 511.0)
-    process = refiner._process
-    assert process is not None
+    process = running_process(refiner._worker)
     assert process.pid is not None
     os.kill(process.pid, signal.SIGSTOP)
     refiner._answer_timeout = 0.1
