@@ -10,10 +10,11 @@ from daq.errors import ServiceError, UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
 from daq.service.access import is_loopback
-from daq.service.app import ServiceFeatures, create_app
+from daq.service.app import create_app
 from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
+from daq.service.state import ServiceState
 from daq.session.live_update import LiveUpdate, LiveUpdateSink
 from daq.session.run import Run, RunManager, SupportsMarkers
 from daq.view import open_live_view
@@ -36,8 +37,8 @@ class LiveServices:
         Computes the summaries of runs.
     console : TerminalOutput
         Prints the addresses.
-    results : ResultsReader or None
-        Reads the results of recorded runs beyond their summaries; None without these endpoints.
+    results : ResultsReader
+        Reads the results of recorded runs beyond their summaries.
     manager : RunManager or None
         Starts runs on REST requests; None where that is not possible.
 
@@ -55,7 +56,7 @@ class LiveServices:
         catalogue: Catalogue,
         summaries: Summaries,
         console: TerminalOutput,
-        results: ResultsReader | None = None,
+        results: ResultsReader,
         manager: RunManager | None = None,
     ) -> None:
         if not is_loopback(args.host) and not args.token:
@@ -67,16 +68,15 @@ class LiveServices:
         self._jobs = JobQueue(CatalogueLocation(catalogue.folder, catalogue.url))
         if getattr(args, "no_serve", False):
             return
+        state = ServiceState(catalogue, self, summaries, results, self._jobs, manager)
         app = create_app(
-            catalogue,
-            self,
-            summaries,
-            self._view.url if self._view is not None and is_loopback(args.host) else None,
-            features=ServiceFeatures(results, self, manager, catalogue, self._jobs, tuple(args.cors)),
+            state,
+            self._view.url if self._view is not None and is_loopback(args.host) else "",
             host=args.host,
             token=args.token or None,
+            cors_origins=args.cors,
         )
-        server = ServiceServer(app, args.host, args.port)
+        server = ServiceServer(app, args.host, args.port, closing=state.closing)
         try:
             server.start()
         except ServiceError:

@@ -14,7 +14,7 @@ API_CONTENT_POLICY: Final = "default-src 'none'; frame-ancestors 'none'"
 
 
 class SecurityHeadersMiddleware:
-    """Middleware that adds security headers: no MIME sniffing, no embedding, no caching.
+    """Middleware that adds security headers: no MIME sniffing, no embedding, no caching without ETag.
 
     A header that a response sets itself stays.
 
@@ -34,7 +34,7 @@ class SecurityHeadersMiddleware:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 headers.setdefault("Content-Security-Policy", API_CONTENT_POLICY)
-                headers.setdefault("Cache-Control", "no-store")
+                headers.setdefault("Cache-Control", "private, no-cache" if "ETag" in headers else "no-store")
                 headers.setdefault("X-Content-Type-Options", "nosniff")
                 headers.setdefault("Referrer-Policy", "no-referrer")
                 headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
@@ -43,6 +43,8 @@ class SecurityHeadersMiddleware:
         await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)
 
 
+PUBLIC_PAGES: Final = frozenset({"/", "/docs", "/openapi.json"})
+PUBLIC_FOLDER: Final = "/console/"
 LOOPBACK_HOSTS: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -59,6 +61,11 @@ def is_loopback(host: str) -> bool:
         return False
 
 
+def is_public(path: str) -> bool:
+    """Return whether a path has no data of the rig: a page or one of its files."""
+    return path in PUBLIC_PAGES or path.startswith(PUBLIC_FOLDER)
+
+
 class AccessControlMiddleware:
     """Middleware that rejects requests by host name, token and origin, before any route runs.
 
@@ -72,9 +79,7 @@ class AccessControlMiddleware:
     host : str
         The address that the service is bound to.
     token : str or None
-        Bearer token required for all but the ``public`` paths; None requires none.
-    public : frozenset of str
-        Paths without data of the rig: the page's static files.
+        Bearer token required for all paths but those without data of the rig; None requires none.
     origins : frozenset of str
         Other sites whose pages may send requests.
     """
@@ -84,14 +89,12 @@ class AccessControlMiddleware:
         app: ASGIApp,
         host: str,
         token: str | None,
-        public: frozenset[str],
         origins: frozenset[str] = frozenset(),
     ) -> None:
         self._app = app
         self._origins = origins
         self._allowed_hosts = LOOPBACK_HOSTS | {_host_header_form(host)} if is_loopback(host) else None
         self._token = None if token is None else token.encode()
-        self._public_paths = public
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or respond with 421, 401 or 403."""
@@ -114,7 +117,7 @@ class AccessControlMiddleware:
                 ProblemType.HOST_NOT_ALLOWED,
                 f"the request's host is {name!r}; expected one of {', '.join(sorted(self._allowed_hosts))}",
             )
-        if self._token is not None and path not in self._public_paths and not self._has_valid_token(headers):
+        if self._token is not None and not is_public(path) and not self._has_valid_token(headers):
             reason = "another token was given" if "authorization" in headers else "no token was given"
             return ProblemType.TOKEN_REQUIRED, f"{reason}: send the header Authorization: Bearer <token>"
         is_socket = scope["type"] == "websocket"

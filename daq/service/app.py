@@ -1,70 +1,33 @@
 """The web application: REST under /api/v1, the operator's page at /, the REST reference at /docs."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
 from fastapi import APIRouter, FastAPI
 from fastapi.middleware.cors import CORSMiddleware
+from fastapi.staticfiles import StaticFiles
 
 from daq.errors import ServiceError
+from daq.service import pages
 from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddleware, is_loopback
-from daq.service.jobs.queue import JobQueue
-from daq.service.pages import PUBLIC_PATHS, Pages, reference_page
 from daq.service.problem_types import ProblemSchema, ProblemType
-from daq.service.problems import UnhandledErrorMiddleware, add_exception_handlers
-from daq.service.results_reader import ResultsReader
-from daq.service.routes.catalogue import Catalogue, CatalogueRoutes, Summaries
+from daq.service.problems import EXCEPTION_HANDLERS, PROBLEM_SCHEMA_REFERENCE, UnhandledErrorMiddleware, problems
+from daq.service.routes import live, runs
 from daq.service.routes.jobs import JobRoutes
-from daq.service.routes.live import LiveStreamRoutes, RunControl, RunControlRoutes, RunStarter
-from daq.service.routes.run_edits import EditableCatalogue, RunEditRoutes
-from daq.service.routes.runs import RunRoutes
+from daq.service.routes.results import RunRoutes
 from daq.service.routes.uploads import UploadRoutes
 from daq.service.routing import API_PREFIX, HeadAsGetMiddleware, Routing
-from daq.service.stream import LiveFeed
-from daq.service.uploads import UploadStore
+from daq.service.state import ServiceState
 
-
-@dataclass(frozen=True, slots=True)
-class ServiceFeatures:
-    """Optional parts of the service; routes of a part that is None do not exist.
-
-    Parameters
-    ----------
-    results : ResultsReader or None
-        Results of recorded runs beyond their summaries.
-    run_control : RunControl or None
-        Stops the current run, adds markers to it and acknowledges its alarms.
-    run_starter : RunStarter or None
-        Starts runs.
-    catalogue : EditableCatalogue or None
-        Edits, trashes, restores and receives runs; used only together with `results`.
-    jobs : JobQueue or None
-        Runs work that takes longer than a request may.
-    cors_origins : tuple of str
-        Other sites whose pages may send requests (CORS), for example ``http://notebook.lab:8888``.
-    """
-
-    results: ResultsReader | None = None
-    run_control: RunControl | None = None
-    run_starter: RunStarter | None = None
-    catalogue: EditableCatalogue | None = None
-    jobs: JobQueue | None = None
-    cors_origins: tuple[str, ...] = ()
-
-
-READ_ONLY: Final = ServiceFeatures()
-
-
-DISTRIBUTION = "rig-service"
-SCHEMA = "#/components/schemas/{model}"
-API_DESCRIPTION = (
+DISTRIBUTION: Final = "rig-service"
+API_DESCRIPTION: Final = (
     "Recorded runs of a rotor test rig, their results, and the live values of the current run. "
     "Field names include the unit; amplitudes are peak (zero-to-peak) or peak-to-peak as named; phases are lags after "
     "the tacho mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals."
 )
-OPENAPI_TAGS = [
+OPENAPI_TAGS: Final = [
     {"name": "runs", "description": "Recorded runs"},
     {"name": "results", "description": "Measured results of a run, and the model's prediction for it"},
     {"name": "analyses", "description": "Analyses of a run's samples, as tables and plots"},
@@ -76,34 +39,28 @@ OPENAPI_TAGS = [
 
 
 def create_app(
-    catalogue: Catalogue,
-    live: LiveFeed,
-    summaries: Summaries,
-    viewer_url: str | None,
+    state: ServiceState,
+    viewer_url: str = "",
     *,
-    features: ServiceFeatures = READ_ONLY,
     host: str = "127.0.0.1",
     token: str | None = None,
-) -> "Service":
+    cors_origins: Iterable[str] = (),
+) -> FastAPI:
     """Return the application.
 
     Parameters
     ----------
-    catalogue : Catalogue
-        The recorded runs.
-    live : LiveFeed
-        The current run.
-    summaries : Summaries
-        Summaries of runs.
-    viewer_url : str or None
-        URL of the web viewer that the page embeds; None if there is none.
-    features : ServiceFeatures
-        Optional parts.
+    state : ServiceState
+        What the routes share.
+    viewer_url : str
+        URL of the web viewer that the page embeds; empty if there is none.
     host : str
         Address that the server is bound to. A loopback address accepts only loopback host names.
     token : str or None
         Bearer token required by the REST routes (``Authorization: Bearer ...``). Required if other machines can
         reach ``host``.
+    cors_origins : iterable of str
+        Other sites whose pages may send requests (CORS), for example ``http://notebook.lab:8888``.
 
     Raises
     ------
@@ -111,40 +68,43 @@ def create_app(
         Other machines can reach ``host`` and there is no token, or a header cannot carry the token.
     """
     _check_access(host, token)
-    live_streams = LiveStreamRoutes(live)
-    app = Service(with_token=token is not None)
-    app.shutdown_hooks.append(live_streams.close_streams)
-    add_exception_handlers(app)
-    common_problems = (
+    app = FastAPI(
+        title="Rig service",
+        version=version(DISTRIBUTION),
+        description=API_DESCRIPTION,
+        openapi_tags=OPENAPI_TAGS,
+        license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        exception_handlers=EXCEPTION_HANDLERS,
+        generate_unique_id_function=lambda route: route.name,
+        lifespan=_lifespan,
+    )
+    app.state.service = state
+    app.state.viewer_url = viewer_url
+    common = (
         ProblemType.HOST_NOT_ALLOWED,
         ProblemType.INTERNAL_ERROR,
-        *((ProblemType.TOKEN_REQUIRED,) if token is not None else ()),
+        *([ProblemType.TOKEN_REQUIRED] if token else []),
     )
-    routing = Routing(APIRouter(prefix=API_PREFIX), common_problems)
-    CatalogueRoutes(catalogue, live, summaries, app.version).add_to(routing)
-    live_streams.add_to(routing)
-    RunControlRoutes(features.run_control, features.run_starter).add_to(routing)
-    if features.results is not None:
-        RunRoutes(catalogue, live, features.results, app.version).add_to(routing)
-        if features.catalogue is not None:
-            RunEditRoutes(features.catalogue, live, features.results).add_to(routing)
-    if features.jobs is not None:
-        uploads = UploadStore(features.jobs.location.folder)
-        if features.results is not None and features.catalogue is not None:
-            UploadRoutes(uploads, features.results, features.catalogue.free_bytes).add_to(routing)
-        job_routes = JobRoutes(catalogue, live, features.jobs, uploads)
-        job_routes.add_to(routing)
-        app.shutdown_hooks += [job_routes.close_streams, uploads.close]
+    for router in (runs.router, live.router, live.health_router, *([runs.start_router] if state.run_manager else [])):
+        app.include_router(router, prefix=API_PREFIX, responses=problems(*common))
+    routing = Routing(APIRouter(prefix=API_PREFIX), common)
+    RunRoutes(state, app.version).add_to(routing)
+    UploadRoutes(state.uploads, state.results, state.catalogue.free_bytes).add_to(routing)
+    JobRoutes(state.catalogue, state.live, state.jobs, state.uploads, state.closing).add_to(routing)
     app.include_router(routing.router)
-    app.include_router(Pages(viewer_url, reference_page(app.openapi())).router())
+    app.include_router(pages.router)
+    app.mount("/console", StaticFiles(directory=pages.CONSOLE))
+    _complete_schema(app.openapi(), with_token=token is not None)
+    origins = frozenset(cors_origins)
     app.add_middleware(UnhandledErrorMiddleware)
-    app.add_middleware(
-        AccessControlMiddleware, host=host, token=token, public=PUBLIC_PATHS, origins=frozenset(features.cors_origins)
-    )
-    if features.cors_origins:
+    app.add_middleware(AccessControlMiddleware, host=host, token=token, origins=origins)
+    if origins:
         app.add_middleware(
             CORSMiddleware,
-            allow_origins=features.cors_origins,
+            allow_origins=tuple(origins),
             allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
             allow_headers=("Authorization", "Content-Type", "If-Match", "If-None-Match", "If-Range", "Range"),
             expose_headers=("ETag", "Content-Disposition", "Content-Range", "Retry-After", "Location"),
@@ -152,6 +112,13 @@ def create_app(
     app.add_middleware(HeadAsGetMiddleware)
     app.add_middleware(SecurityHeadersMiddleware)
     return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    yield
+    state: ServiceState = app.state.service
+    state.uploads.close()
 
 
 def _check_access(host: str, token: str | None) -> None:
@@ -165,38 +132,11 @@ def _check_access(host: str, token: str | None) -> None:
         )
 
 
-class Service(FastAPI):
-    """FastAPI application whose OpenAPI schema includes problem responses and the bearer token."""
-
-    def __init__(self, *, with_token: bool) -> None:
-        super().__init__(
-            title="Rig service",
-            version=version(DISTRIBUTION),
-            description=API_DESCRIPTION,
-            openapi_tags=OPENAPI_TAGS,
-            license_info={"name": "Apache License 2.0", "identifier": "Apache-2.0"},
-            docs_url=None,
-            redoc_url=None,
-            redirect_slashes=False,
-        )
-        self.shutdown_hooks: list[Callable[[], None]] = []
-        self._with_token = with_token
-
-    def close_streams(self) -> None:
-        """End endless responses (event streams and sockets), so that the server need not wait for them."""
-        for close in self.shutdown_hooks:
-            close()
-
-    def openapi(self) -> dict[str, Any]:
-        """Return the OpenAPI schema."""
-        schema = super().openapi()
-        used = {tag for path in schema["paths"].values() for operation in path.values() for tag in operation["tags"]}
-        schema["tags"] = [tag for tag in OPENAPI_TAGS if tag["name"] in used]
-        components = schema["components"]
-        if ProblemSchema.__name__ not in components["schemas"]:
-            problem = ProblemSchema.model_json_schema(ref_template=SCHEMA, mode="serialization")
-            components["schemas"] |= problem.pop("$defs") | {ProblemSchema.__name__: problem}
-            if self._with_token:
-                components["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
-                schema["security"] = [{"token": []}]
-        return schema
+def _complete_schema(schema: dict[str, Any], *, with_token: bool) -> None:
+    """Add the problem responses' schema and the bearer token, which no route declares, to an OpenAPI schema."""
+    template = PROBLEM_SCHEMA_REFERENCE.replace(ProblemSchema.__name__, "{model}")
+    problem = ProblemSchema.model_json_schema(ref_template=template, mode="serialization")
+    schema["components"]["schemas"] |= problem.pop("$defs") | {ProblemSchema.__name__: problem}
+    if with_token:
+        schema["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+        schema["security"] = [{"token": []}]

@@ -1,10 +1,10 @@
-"""Problem responses (RFC 9457): exception handlers, and middleware for unhandled errors."""
+"""Problem responses (RFC 9457): their OpenAPI description, exception handlers, and middleware for unhandled errors."""
 
 import logging
 from collections.abc import Mapping
 from typing import Any, Final, TypeAlias
 
-from fastapi import FastAPI, Request, Response
+from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.routing import Match
@@ -21,10 +21,12 @@ from recordings.errors import (
 )
 
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
+HTTP_NOT_MODIFIED: Final = 304
 HTTP_BAD_REQUEST: Final = 400
 MAX_ECHOED_CHARACTERS: Final = 200  # of a request's value in a response
 HTTP_METHODS: Final = ("DELETE", "GET", "PATCH", "POST", "PUT")
 PROBLEM_REFERENCE: Final = "/docs#"
+PROBLEM_SCHEMA_REFERENCE: Final = f"#/components/schemas/{ProblemSchema.__name__}"
 TRANSIENT: Final = frozenset(
     {
         ProblemType.BUSY,
@@ -53,12 +55,22 @@ class ProblemError(Exception):
         Cause in this request.
     job : dict or None
         Job request for the same result; None if there is none.
+    headers : mapping of str to str or None
+        Further headers of the response.
     """
 
-    def __init__(self, problem_type: ProblemType, detail: str, job: JobHint | None = None) -> None:
+    def __init__(
+        self,
+        problem_type: ProblemType,
+        detail: str,
+        *,
+        job: JobHint | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
         self.problem_type = problem_type
         self.detail = detail
         self.job = job
+        self.headers = headers
         super().__init__(detail)
 
 
@@ -100,40 +112,24 @@ def problem_response(
     return Response(problem.model_dump_json(), status_code=problem.status, headers=extra, media_type=PROBLEM_MEDIA_TYPE)
 
 
-def recording_problem(error: RecordingError) -> ProblemType:
-    """Return the problem type of an error from the recordings package."""
-    by_error: tuple[tuple[type[RecordingError], ProblemType], ...] = (
-        (NotFoundError, ProblemType.RUN_NOT_FOUND),
-        (DamagedError, ProblemType.RUN_DAMAGED),
-        (UnknownFormatError, ProblemType.RUN_FORMAT_UNKNOWN),
-        (AnnotationError, ProblemType.INVALID_PARAMETER),
-        (StorageError, ProblemType.STORAGE_UNAVAILABLE),
-    )
-    return next(
-        (problem_type for error_type, problem_type in by_error if isinstance(error, error_type)),
-        ProblemType.INTERNAL_ERROR,
-    )
-
-
-def openapi_responses(*problem_types: ProblemType) -> dict[int | str, dict[str, Any]]:
-    """Return the OpenAPI responses of problem types, by status."""
+def problems(*problem_types: ProblemType) -> dict[int | str, dict[str, Any]]:
+    """Return the OpenAPI responses of problem types, by status, as ``responses`` of a route."""
     responses: dict[int | str, dict[str, Any]] = {}
-    for problem_type in problem_types:
-        content = responses.setdefault(
-            problem_type.status, {"description": "", "content": {PROBLEM_MEDIA_TYPE: _no_examples()}}
-        )
-        content["description"] = "; ".join(
-            filter(None, (content["description"], f"{problem_type.title} (`{problem_type.slug}`)"))
-        )
-        content["content"][PROBLEM_MEDIA_TYPE]["examples"][problem_type.slug] = {
-            "summary": problem_type.title,
-            "value": _problem_schema(problem_type, problem_type.explanation, "/api/v1/…").model_dump(mode="json"),
+    for status in dict.fromkeys(problem_type.status for problem_type in problem_types):
+        of_status = [each for each in dict.fromkeys(problem_types) if each.status == status]
+        examples = {
+            each.slug: {
+                "summary": each.title,
+                "value": _problem_schema(each, each.explanation, "/api/v1/…").model_dump(mode="json"),
+            }
+            for each in of_status
+        }
+        content = {"schema": {"$ref": PROBLEM_SCHEMA_REFERENCE}, "examples": examples}
+        responses[status] = {
+            "description": "; ".join(f"{each.title} (`{each.slug}`)" for each in of_status),
+            "content": {PROBLEM_MEDIA_TYPE: content},
         }
     return responses
-
-
-def _no_examples() -> dict[str, Any]:
-    return {"schema": {"$ref": "#/components/schemas/ProblemSchema"}, "examples": {}}
 
 
 def _problem_schema(
@@ -155,20 +151,22 @@ def _problem_schema(
     )
 
 
-def add_exception_handlers(app: FastAPI) -> None:
-    """Add exception handlers that turn expected errors into problem responses."""
-    app.exception_handler(ProblemError)(_handle_problem)
-    app.exception_handler(RecordingError)(_handle_recording_error)
-    app.exception_handler(RequestValidationError)(_handle_validation_error)
-    app.exception_handler(HTTPException)(_handle_http_exception)
-
-
 async def _handle_problem(request: Request, error: ProblemError) -> Response:
-    return problem_response(error.problem_type, error.detail, request.url.path, job=error.job)
+    return problem_response(error.problem_type, error.detail, request.url.path, job=error.job, headers=error.headers)
+
+
+RECORDING_PROBLEMS: Final = (
+    (NotFoundError, ProblemType.RUN_NOT_FOUND),
+    (DamagedError, ProblemType.RUN_DAMAGED),
+    (UnknownFormatError, ProblemType.RUN_FORMAT_UNKNOWN),
+    (AnnotationError, ProblemType.INVALID_PARAMETER),
+    (StorageError, ProblemType.STORAGE_UNAVAILABLE),
+    (RecordingError, ProblemType.INTERNAL_ERROR),
+)
 
 
 async def _handle_recording_error(request: Request, error: RecordingError) -> Response:
-    problem_type = recording_problem(error)
+    problem_type = next(each for error_type, each in RECORDING_PROBLEMS if isinstance(error, error_type))
     if problem_type is ProblemType.INTERNAL_ERROR:
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return problem_response(problem_type, str(error), request.url.path)
@@ -188,6 +186,8 @@ async def _handle_validation_error(request: Request, error: RequestValidationErr
 
 async def _handle_http_exception(request: Request, error: HTTPException) -> Response:
     path = request.url.path
+    if error.status_code == HTTP_NOT_MODIFIED:  # `responses.require_modified`
+        return Response(status_code=HTTP_NOT_MODIFIED, headers=error.headers)
     if error.status_code == ProblemType.METHOD_NOT_ALLOWED.status:
         return problem_response(
             ProblemType.METHOD_NOT_ALLOWED,
@@ -217,8 +217,20 @@ def _allowed_methods(request: Request) -> list[str]:
     )
 
 
+EXCEPTION_HANDLERS: Final[dict[int | type[Exception], Any]] = {
+    ProblemError: _handle_problem,
+    RecordingError: _handle_recording_error,
+    RequestValidationError: _handle_validation_error,
+    HTTPException: _handle_http_exception,
+}
+"""Handlers that turn expected errors into problem responses."""
+
+
 class UnhandledErrorMiddleware:
     """Middleware that turns an unhandled exception into a problem response and a log entry.
+
+    Starlette's own raises the exception again, so that the server logs it a second time, and stands outside the
+    middleware that adds the security headers.
 
     Parameters
     ----------

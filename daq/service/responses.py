@@ -1,21 +1,27 @@
-"""Content negotiation (RFC 9110, 12.5), ETags, and file responses with byte ranges (RFC 9110, 14)."""
+"""Content negotiation (RFC 9110, 12.5), ETags with conditional requests (13), and files with byte ranges (14)."""
 
 import hashlib
 import os
 import re
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, Final
 
-from anyio import to_thread
-from fastapi import Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi import HTTPException, Request
+from fastapi.responses import FileResponse
 
 from daq.schemas.units import Schema
 from daq.service.problem_types import ProblemType
-from daq.service.problems import problem_response
+from daq.service.problems import ProblemError
 from recordings.catalogue.catalogue import RunEntry
 from recordings.errors import DamagedError
+
+OCTET_STREAM: Final = "application/octet-stream"
+BINARY: Final[dict[str, Any]] = {"schema": {"type": "string", "format": "binary"}}
+NOT_MODIFIED: Final[dict[int | str, dict[str, Any]]] = {
+    304: {"description": "Not changed since the response whose `ETag` was sent as `If-None-Match`"}
+}
+SINGLE_RANGE: Final = re.compile(r"bytes=(\d{1,18})-(\d{0,18})|bytes=-(\d{1,18})")
 
 
 def accepts_gzip(header: str | None) -> bool:
@@ -34,51 +40,45 @@ def preferred_media_type(header: str | None, offered: Mapping[str, str]) -> str 
     offered : mapping of str to str
         Media types and their names; among equal weights the first wins.
     """
-    if not header:
-        return next(iter(offered.values()))
-    weights = _quality_values(header)
-    ranked = []
-    for position, (media_type, name) in enumerate(offered.items()):
-        family = media_type.partition("/")[0] + "/*"
-        weight = next((weights[key] for key in (media_type, family, "*/*") if key in weights), 0.0)
-        ranked.append((-weight, position, name))
-    weight, _, name = min(ranked)
-    return name if weight < 0.0 else None
+    weights = _quality_values(header or "*/*")
+
+    def weight(media_type: str) -> float:
+        candidates = (media_type, f"{media_type.partition('/')[0]}/*", "*/*")
+        return next((weights[key] for key in candidates if key in weights), 0.0)
+
+    best = max(offered, key=weight)
+    return offered[best] if weight(best) > 0.0 else None
 
 
 def _quality_values(header: str) -> dict[str, float]:
+    """Return the names of an Accept header with their weights; an invalid weight is 0."""
     weights = {}
-    for part in header.split(","):
-        name, *parameters = (piece.strip().lower() for piece in part.split(";"))
-        weight = 1.0
-        for parameter in parameters:
-            key, _, value = parameter.partition("=")
-            if key.strip() == "q":
-                try:
-                    weight = min(max(float(value), 0.0), 1.0)
-                except ValueError:
-                    weight = 0.0
-        weights[name] = weight
+    for part in header.lower().split(","):
+        name, *parameters = part.replace(" ", "").split(";")
+        sent = next((text[2:] for text in parameters if text.startswith("q=")), "1")
+        weights[name] = min(float(sent), 1.0) if re.fullmatch(r"\d(\.\d*)?", sent) else 0.0
     return weights
-
-
-NOT_MODIFIED: dict[int | str, dict[str, Any]] = {
-    304: {"description": "Not changed since the response whose `ETag` was sent as `If-None-Match`"}
-}
 
 
 def weak_etag(run: RunEntry, *parts: str) -> str:
     """Return a weak ETag that changes with a run's file and with ``parts``."""
-    text = "\n".join((run.id, str(run.size), str(run.changed_ns), *parts))
-    return f'W/"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+    return f"W/{_quoted_hash(chr(10).join((run.id, str(run.size), str(run.changed_ns), *parts)))}"
 
 
-def matches_etag(sent: str | None, etag: str) -> bool:
-    """Return whether an If-None-Match header names an ETag; weak and strong are equal."""
-    if sent is None:
-        return False
-    names = {name.strip().removeprefix("W/") for name in sent.split(",")}
-    return "*" in names or etag.removeprefix("W/") in names
+def strong_etag(schema: Schema) -> str:
+    """Return a strong ETag, a hash of the schema's JSON."""
+    return _quoted_hash(schema.model_dump_json())
+
+
+def _quoted_hash(text: str) -> str:
+    return f'"{hashlib.sha256(text.encode()).hexdigest()[:32]}"'
+
+
+def require_modified(request: Request, headers: Mapping[str, str]) -> None:
+    """Raise HTTPException (304) with these headers if If-None-Match names their ETag; weak and strong are equal."""
+    sent = {name.strip().removeprefix("W/") for name in request.headers.get("if-none-match", "").split(",")}
+    if not sent.isdisjoint({"*", headers["ETag"].removeprefix("W/")}):
+        raise HTTPException(304, headers=dict(headers))
 
 
 def allows_change(sent: str | None, etag: str) -> bool:
@@ -86,72 +86,12 @@ def allows_change(sent: str | None, etag: str) -> bool:
     return sent is None or not {"*", etag}.isdisjoint(name.strip() for name in sent.split(","))
 
 
-def strong_etag(schema: Schema) -> str:
-    """Return a strong ETag, a hash of the schema's JSON."""
-    return f'"{hashlib.sha256(schema.model_dump_json().encode()).hexdigest()[:32]}"'
-
-
-CHUNK_SIZE = 256 * 1024  # bytes
-RANGE_HEADER = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
-
-
-class UnsatisfiableRangeError(ValueError):
-    """The byte range lies outside the file."""
-
-
-def byte_range(header: str | None, size: int) -> tuple[int, int] | None:
-    """Return start and end of the byte range of a Range header; None for the whole file.
-
-    A header that is malformed, has another unit or names several ranges is ignored, as the RFC allows.
-
-    Parameters
-    ----------
-    header : str or None
-        The header.
-    size : int
-        Size of the file, bytes.
-
-    Raises
-    ------
-    UnsatisfiableRangeError
-        The range lies outside the file.
-    """
-    match = RANGE_HEADER.fullmatch((header or "").replace(" ", ""))
-    if match is None or match.group(0) == "bytes=-":
-        return None
-    first, last = match.groups()
-    if not first:
-        start, end = max(size - int(last), 0), size
-    else:
-        start, end = int(first), min(int(last) + 1, size) if last else size
-        if last and int(last) < int(first):
-            return None
-    if start >= end:
-        raise UnsatisfiableRangeError(f"{header}: the file has {size} bytes")
-    return start, end
-
-
-async def file_chunks(file: BinaryIO, start: int, end: int) -> AsyncIterator[bytes]:
-    """Yield a byte range of an open file, read in threads, and close the file; ends early if the file does."""
-    with file:
-        await to_thread.run_sync(file.seek, start)
-        while start < end:
-            chunk = await to_thread.run_sync(file.read, min(CHUNK_SIZE, end - start))
-            if not chunk:
-                return
-            start += len(chunk)
-            yield chunk
-
-
-OCTET_STREAM = "application/octet-stream"
-
-
-async def file_response(
-    request: Request, path: Path, media_type: str = OCTET_STREAM, *, etag: str | None = None, magic: bytes = b""
-) -> Response:
+def file_response(
+    request: Request, path: Path, media_type: str = OCTET_STREAM, *, etag: str = "", magic: bytes = b""
+) -> FileResponse:
     """Return a file response that follows the headers If-None-Match, Range and If-Range.
 
-    The response stays consistent if another file replaces this one meanwhile.
+    A Range header that is malformed, has another unit or names several ranges is ignored, as the RFC allows.
 
     Parameters
     ----------
@@ -161,8 +101,8 @@ async def file_response(
         The file.
     media_type : str
         Media type of its content.
-    etag : str or None
-        Strong ETag; None derives one from size and modification time.
+    etag : str
+        Strong ETag; empty derives one from size and modification time.
     magic : bytes
         Required first bytes.
 
@@ -172,48 +112,33 @@ async def file_response(
         The file cannot be opened.
     DamagedError
         The file does not start with ``magic``.
+    ProblemError
+        The byte range lies outside the file.
     """
-    file = await to_thread.run_sync(_open_checked, path, magic)
-    try:
-        response = _conditional_response(request, file, path.name, media_type, etag)
-    except BaseException:
-        file.close()
-        raise
-    if not isinstance(response, StreamingResponse):
-        file.close()
-    return response
+    with path.open("rb") as file:
+        status = os.fstat(file.fileno())
+        if file.read(len(magic)) != magic:
+            raise DamagedError(f"{path.name}: not a recording: it does not start with {magic!r}")
+    etag = etag or f'"{status.st_size:x}-{status.st_mtime_ns:x}"'
+    headers = {"ETag": etag}
+    require_modified(request, headers)
+    if request.scope.get("rig.head"):  # `HeadAsGetMiddleware`
+        request.scope["method"] = "HEAD"  # the content need not be read
+    if not _has_range(request, status.st_size, etag):
+        request.scope["headers"] = [header for header in request.scope["headers"] if header[0] != b"range"]
+    return FileResponse(path, headers=headers, media_type=media_type, filename=path.name, stat_result=status)
 
 
-def _open_checked(path: Path, magic: bytes) -> BinaryIO:
-    file = path.open("rb")
-    if file.read(len(magic)) != magic:
-        file.close()
-        raise DamagedError(f"{path.name}: not a recording: it does not start with {magic!r}")
-    return file
-
-
-def _conditional_response(request: Request, file: BinaryIO, name: str, media_type: str, etag: str | None) -> Response:
-    status = os.fstat(file.fileno())
-    size, etag = status.st_size, etag or f'"{status.st_size:x}-{status.st_mtime_ns:x}"'
-    headers = {
-        "ETag": etag,
-        "Cache-Control": "private, no-cache",
-        "Accept-Ranges": "bytes",
-        "Content-Disposition": f'attachment; filename="{name}"',
-    }
-    if matches_etag(request.headers.get("if-none-match"), etag):
-        return Response(status_code=304, headers=headers)
-    range_header = request.headers.get("range") if request.headers.get("if-range", etag) == etag else None
-    try:
-        selected = byte_range(range_header, size)
-    except UnsatisfiableRangeError as error:
-        where = {"Content-Range": f"bytes */{size}"}
-        return problem_response(ProblemType.RANGE_NOT_SATISFIABLE, str(error), request.url.path, headers=where)
-    start, end = selected or (0, size)
-    headers["Content-Length"] = str(end - start)
-    if selected is not None:
-        headers["Content-Range"] = f"bytes {start}-{end - 1}/{size}"
-    code = 200 if selected is None else 206
-    if request.scope.get("rig.head"):  # HEAD: the content need not be read
-        return Response(status_code=code, headers=headers, media_type=media_type)
-    return StreamingResponse(file_chunks(file, start, end), code, headers=headers, media_type=media_type)
+def _has_range(request: Request, size: int, etag: str) -> bool:
+    """Return whether a request is for one byte range of a file; ProblemError if that lies outside the file."""
+    header = request.headers.get("range", "").replace(" ", "")
+    match = SINGLE_RANGE.fullmatch(header)
+    if match is None or request.headers.get("if-range", etag) != etag:
+        return False
+    first, last, suffix = match.groups()
+    if first and last and int(last) < int(first):
+        return False
+    if (int(suffix) == 0 or size == 0) if suffix else int(first) >= size:
+        headers = {"Content-Range": f"bytes */{size}"}
+        raise ProblemError(ProblemType.RANGE_NOT_SATISFIABLE, f"{header}: the file has {size} bytes", headers=headers)
+    return True

@@ -1,22 +1,22 @@
-"""Route registration with OpenAPI responses, HEAD requests, and bounded thread pools for blocking work."""
+"""JSON routes with limits on the content, HEAD requests, and the OpenAPI description of event streams."""
 
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final
 
-from anyio import CapacityLimiter, fail_after, to_thread
-from fastapi import APIRouter, Header, Path, Request, Response
+from anyio import fail_after
+from fastapi import APIRouter, Header, Request, Response
 from fastapi.datastructures import Default
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, openapi_responses
+from daq.service.problems import ProblemError, problems
 
 
 class HeadAsGetMiddleware:
-    """Middleware that routes HEAD as GET; the server leaves out the content.
+    """Middleware that routes HEAD as GET, which FastAPI does not; the server leaves out the content.
 
     Parameters
     ----------
@@ -33,38 +33,7 @@ class HeadAsGetMiddleware:
         await self._app({**scope, "method": "GET", "rig.head": True} if is_head else scope, receive, send)
 
 
-ResultT = TypeVar("ResultT")
-
-
-class BoundedThreadPool:
-    """Runs blocking functions in a bounded number of threads with a bounded queue.
-
-    Parameters
-    ----------
-    threads : int
-        Maximum number of functions that run at once.
-    waiting : int
-        Maximum number that wait; further ones are rejected.
-    """
-
-    def __init__(self, threads: int, waiting: int) -> None:
-        self._limiter = CapacityLimiter(threads)
-        self._capacity = threads + waiting
-        self._pending = 0
-
-    async def run(self, function: Callable[[], ResultT]) -> ResultT:
-        """Return the result of ``function``, run in a thread; ProblemError (busy) if too many are waiting."""
-        if self._pending >= self._capacity:
-            raise ProblemError(ProblemType.BUSY, f"{self._pending} requests are in progress or waiting already")
-        self._pending += 1  # here and not in the limiter, which counts only when the event loop comes round
-        try:
-            return await to_thread.run_sync(function, limiter=self._limiter)
-        finally:
-            self._pending -= 1
-
-
 API_PREFIX: Final = "/api/v1"
-RunId = Annotated[str, Path(description="Id of the run, from /api/v1/runs", examples=["2026-11-24T09-12-07-gj90c"])]
 IfMatch = Annotated[
     str | None,
     Header(
@@ -95,36 +64,40 @@ def event_stream(name: str) -> dict[int | str, dict[str, Any]]:
 
 
 class JsonRoute(APIRoute):
-    """A route that accepts only JSON of limited size.
+    """A route that accepts only JSON of limited size as content of POST and PATCH.
 
-    An HTML form of another site cannot send this content type, which prevents cross-site request forgery.
+    An HTML form of another site cannot send this content type, which prevents cross-site request forgery. FastAPI reads
+    the whole content before it runs dependencies, so that only a route can refuse it in time.
     """
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return the handler, preceded by checks of content type, size and arrival time."""
         handle = super().get_route_handler()
 
-        async def checked(request: Request) -> Response:
-            sent = request.headers.get("content-type", "")
-            if sent.partition(";")[0].strip().lower() != "application/json":
-                raise ProblemError(
-                    ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json"
-                )
-            size = "" if "transfer-encoding" in request.headers else request.headers.get("content-length", "")
-            if not size.isdecimal() or int(size) > MAX_JSON_SIZE:
-                raise ProblemError(
-                    ProblemType.CONTENT_TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MAX_JSON_SIZE:,}"
-                )
-            try:
-                with fail_after(BODY_TIMEOUT):
-                    await request.body()  # cached by the request for the handler
-            except TimeoutError as error:
-                raise ProblemError(
-                    ProblemType.REQUEST_TIMEOUT, f"{size} bytes did not arrive within {BODY_TIMEOUT:g} s"
-                ) from error
+        async def check_and_handle(request: Request) -> Response:
+            if request.method in METHODS_WITH_BODY:
+                await _receive_json(request)
             return await handle(request)
 
-        return checked
+        return check_and_handle
+
+
+async def _receive_json(request: Request) -> None:
+    """Receive the content of a request, which caches it for the handler; ProblemError if it exceeds a limit."""
+    sent = request.headers.get("content-type", "")
+    if sent.partition(";")[0].strip().lower() != "application/json":
+        raise ProblemError(ProblemType.UNSUPPORTED_MEDIA_TYPE, f"{sent or 'no type'!r}, expected application/json")
+    size = "" if "transfer-encoding" in request.headers else request.headers.get("content-length", "")
+    if not size.isdecimal() or int(size) > MAX_JSON_SIZE:
+        raise ProblemError(
+            ProblemType.CONTENT_TOO_LARGE, f"{size or 'unknown'} bytes, expected at most {MAX_JSON_SIZE:,}"
+        )
+    try:
+        with fail_after(BODY_TIMEOUT):
+            await request.body()
+    except TimeoutError as error:
+        detail = f"{size} bytes did not arrive within {BODY_TIMEOUT:g} s"
+        raise ProblemError(ProblemType.REQUEST_TIMEOUT, detail) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,5 +165,5 @@ class Routing:
             response_class=Response if is_raw else JSONResponse,
             response_model=Default(None) if model is None else model,  # Default: the handler's return annotation
             openapi_extra=None if content is None else {"requestBody": content},
-            responses={**openapi_responses(*problem_types, *self.common_problems), **(responses or {})},
+            responses={**problems(*problem_types, *self.common_problems), **(responses or {})},
         )

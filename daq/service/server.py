@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import json
 import logging
 import socket
 import sys
@@ -18,22 +17,13 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from daq.errors import ServiceError
 from daq.service.problem_types import ProblemType
+from daq.service.problems import problem_response
 
 if sys.platform != "win32":
     import resource
 
 MAX_CONNECTIONS: Final = 2000
-BUSY_BODY: Final = json.dumps(
-    {
-        "type": f"/docs#{ProblemType.BUSY.slug}",
-        "title": ProblemType.BUSY.title,
-        "status": ProblemType.BUSY.status,
-        "detail": "too many clients are connected",
-        "instance": "",
-        "faults": [],
-        "job": None,
-    }
-).encode()
+BUSY_BODY: Final = bytes(problem_response(ProblemType.BUSY, "too many clients are connected", "").body)
 BUSY_RESPONSE: Final = (
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: application/problem+json\r\nRetry-After: 2\r\n"
     b"Connection: close\r\nContent-Length: %d\r\n\r\n%b" % (len(BUSY_BODY), BUSY_BODY)
@@ -114,6 +104,8 @@ class ServiceServer:
         Port to listen on; 0 takes a free one.
     protocol : type
         Protocol class of a client's connection.
+    closing : Event or None
+        Set before shutdown, which waits for responses: endless ones end.
     """
 
     def __init__(
@@ -122,7 +114,9 @@ class ServiceServer:
         host: str = "127.0.0.1",
         port: int = 0,
         protocol: type[LimitedHttpProtocol] = LimitedHttpProtocol,
+        closing: threading.Event | None = None,
     ) -> None:
+        self._closing = closing
         self._protocol = protocol
         self._app = app
         self._host = host
@@ -153,7 +147,6 @@ class ServiceServer:
             http=self._protocol,
             ws="websockets-sansio",
             ws_max_size=MAX_WEBSOCKET_MESSAGE,
-            lifespan="off",
             log_config=None,
             log_level="error",  # malformed requests do not concern the operator
             access_log=False,
@@ -178,9 +171,8 @@ class ServiceServer:
         server, thread = self._server, self._thread
         if server is None or thread is None:
             return
-        close_streams = getattr(self._app, "close_streams", None)
-        if callable(close_streams):  # an application with endless responses
-            close_streams()
+        if self._closing is not None:
+            self._closing.set()
         server.should_exit = True
         thread.join(deadline)
         if thread.is_alive():

@@ -1,4 +1,4 @@
-"""The current run's updates, and their broadcast to any number of clients."""
+"""The live run, and the broadcast of its updates to any number of clients."""
 
 import asyncio
 import threading
@@ -6,28 +6,42 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import suppress
 from typing import Protocol
 
+from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema
 from daq.schemas.units import Schema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.session.live_update import LiveUpdate
 
 
-class LiveFeed(Protocol):
-    """Source of the current run's latest update."""
+class LiveRun(Protocol):
+    """The live run, implemented by the program that starts the service, which the service does not import."""
 
     def latest(self) -> LiveUpdate | None:
         """Return the latest update without waiting; None if there is no run."""
         ...
 
+    def stop(self) -> str | None:
+        """Request the end of the run; return its id, None if no run is in progress."""
+        ...
 
-def require_ended(live: LiveFeed, run: str) -> None:
+    def add_marker(self, text: str) -> MarkerSchema | None:
+        """Add a marker at the current time of the recorded run; None if nothing is being recorded."""
+        ...
+
+    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
+        """Acknowledge the alarms of the current run; None if there is no run."""
+        ...
+
+
+def require_ended(live: LiveRun, run: str) -> None:
     """Raise ProblemError if the run with this id is still in progress."""
     update = live.latest()
     if update is not None and update.header.run == run and update.status.state.is_active:
         raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {update.status.state.value}")
 
 
-POLL_INTERVAL = 0.1  # s
+VALUES_INTERVAL = 0.1  # s
+CURVES_INTERVAL = 0.25  # s
 MAX_CLIENTS = 64
 MAX_QUEUED_UPDATES = 4  # per client
 KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
@@ -36,27 +50,29 @@ KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the
 class LiveBroadcaster:
     """Polls the live run while clients listen, and sends each change to all of them.
 
-    A slow client loses its oldest updates and delays no other. One event loop runs it; any thread may close it.
+    A slow client loses its oldest updates and delays no other.
 
     Parameters
     ----------
-    live : LiveFeed
+    live : LiveRun
         The current run.
     schema_of : callable
         Converts an update to the schema that is sent.
     interval : float
         Polling interval, s.
+    closing : Event
+        Ends the updates of all clients.
     """
 
     def __init__(
-        self, live: LiveFeed, schema_of: Callable[[LiveUpdate], Schema], interval: float = POLL_INTERVAL
+        self, live: LiveRun, schema_of: Callable[[LiveUpdate], Schema], interval: float, closing: threading.Event
     ) -> None:
         self._live = live
         self._schema_of = schema_of
         self._interval = interval
+        self._closing = closing
         self._clients: set[asyncio.Queue[str | None]] = set()
         self._task: asyncio.Task[None] | None = None
-        self._closed = threading.Event()
         self._last_update: LiveUpdate | None = None
         self._last_text = "null"
 
@@ -86,15 +102,11 @@ class LiveBroadcaster:
 
     def require_capacity(self) -> None:
         """Raise ProblemError (busy) if there are too many clients."""
-        if len(self._clients) >= MAX_CLIENTS or self._closed.is_set():
+        if len(self._clients) >= MAX_CLIENTS or self._closing.is_set():
             raise ProblemError(ProblemType.BUSY, f"{len(self._clients)} clients follow the live run already")
 
-    def close(self) -> None:
-        """End the updates of all clients."""
-        self._closed.set()
-
     async def _run(self) -> None:
-        while self._clients and not self._closed.is_set():
+        while self._clients and not self._closing.is_set():
             await asyncio.sleep(self._interval)
             if self._poll():
                 for queue in self._clients:

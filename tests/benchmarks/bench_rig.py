@@ -8,6 +8,7 @@ from daq.config.rig import Rig
 from daq.session.live_update import LiveUpdate
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import RecordingRequest
+from tests.daq.support.service_fakes import FakeLive
 
 RIG_FILE = Path(__file__).parents[2] / "rigs" / "bench.toml"
 RUN = "2026-11-24T09-12-07-gj90c"
@@ -29,7 +30,7 @@ def request_for(rig: Rig, folder: Path, run: str = RUN, duration: float | None =
     return RecordingRequest(rig, run, time.time_ns(), "", "rig bench", folder / f"{run}.mcap", duration)
 
 
-class LiveRun:
+class LiveRun(FakeLive):
     """The live run of a service; None until it has started."""
 
     run: RecordedRun | None = None

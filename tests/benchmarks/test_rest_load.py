@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from daq.reports.run_summaries import Summaries
-from daq.service.app import ServiceFeatures, create_app
+from daq.service.app import create_app
+from daq.service.jobs.queue import CatalogueLocation, JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
+from daq.service.state import ServiceState
 from daq.session.predictor import Predictors
 from daq.session.recording.recorded_run import RecordedRun
 from recordings.catalogue.catalogue import Catalogue
@@ -78,7 +80,8 @@ def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
         before.close()
         catalogue = Catalogue(folder)
         summaries = Summaries(catalogue, predictors, results.summary)
-        server = ServiceServer(create_app(catalogue, live, summaries, None, features=ServiceFeatures(results)))
+        state = ServiceState(catalogue, live, summaries, results, JobQueue(CatalogueLocation(folder)))
+        server = ServiceServer(create_app(state), closing=state.closing)
         server.start()
         httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/order-vectors", timeout=60.0)
         live.run = run = RecordedRun(request_for(rig, folder, RUN, SECONDS + 5.0), predictors.for_rig(rig))

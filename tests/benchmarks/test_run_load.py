@@ -16,6 +16,7 @@ from daq.view.live_view import LiveView
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
 from tests.benchmarks.bench_rig import RUN, LiveRun, request_for, rig_with
+from tests.daq.support.service_bench import service_state
 
 pytestmark = pytest.mark.benchmark
 
@@ -38,8 +39,8 @@ def test_analysis_view_and_service_keep_up_with_3_times_200_kilosamples(tmp_path
     with Predictors() as predictors:
         predictors.for_rig(rig).wait(120.0)
         catalogue = Catalogue(tmp_path)
-        app = create_app(catalogue, live, Summaries(catalogue, predictors), view.url)
-        server = ServiceServer(app)
+        state = service_state(catalogue, live, Summaries(catalogue, predictors))
+        server = ServiceServer(create_app(state, view.url), closing=state.closing)
         server.start()
         live.run = run = RecordedRun(request_for(rig, tmp_path), predictors.for_rig(rig), [view])
         (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))

@@ -173,7 +173,9 @@ class JobSchema(Schema):
     description: str = Field(
         description="Description in words", examples=["samples of 2026-11-24T09-12-07-gj90c as csv"]
     )
-    run: str | None = Field(description="Id of its run; null if it concerns none")
+    run: str | None = Field(
+        description="Id of its run; null if it concerns none", examples=["2026-11-24T09-12-07-gj90c"]
+    )
     state: JobState = Field(description="State", examples=["running"])
     progress: float | None = Field(
         description="Completed fraction of the current step, 0 to 1; null if unknown",

@@ -18,7 +18,8 @@ from daq.reports.registry import KINDS, AnalysisKind
 from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, preferred_media_type
-from daq.service.routing import Routing, RunId
+from daq.service.routing import Routing
+from daq.service.state import RunId
 
 PLOT_TYPES: Final = {"svg": "image/svg+xml", "png": "image/png", "pdf": "application/pdf"}
 BINARY: Final = {"type": "string", "format": "binary"}

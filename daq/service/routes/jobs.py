@@ -21,9 +21,10 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import NOT_MODIFIED, OCTET_STREAM, file_response
 from daq.service.routes.analyses import PLOT_SCHEMAS, PLOT_TYPES
-from daq.service.routing import API_PREFIX, EVENT_STREAM, BoundedThreadPool, Routing, event_stream
+from daq.service.routing import API_PREFIX, EVENT_STREAM, Routing, event_stream
 from daq.service.schemas.uploads import ImportRequest, RigFromRun, RigFromToml
-from daq.service.stream import LiveFeed, require_ended
+from daq.service.state import BoundedThreadPool
+from daq.service.stream import LiveRun, require_ended
 from daq.service.uploads import UploadNotFoundError, UploadStore
 from recordings.catalogue.catalogue import RunEntry
 
@@ -58,22 +59,26 @@ class JobRoutes:
     ----------
     catalogue : Catalogue
         The runs that jobs process.
-    live : LiveFeed
+    live : LiveRun
         The current run, which jobs cannot process.
     jobs : JobQueue
         Runs the jobs.
     uploads : UploadStore
         Uploaded files for import.
+    closing : Event
+        Ends the event streams of all jobs.
     """
 
-    def __init__(self, catalogue: Catalogue, live: LiveFeed, jobs: JobQueue, uploads: UploadStore) -> None:
+    def __init__(
+        self, catalogue: Catalogue, live: LiveRun, jobs: JobQueue, uploads: UploadStore, closing: threading.Event
+    ) -> None:
         self._uploads = uploads
         self._catalogue = catalogue
         self._live = live
         self._jobs = jobs
         self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
         self._followers = 0
-        self._closed = threading.Event()
+        self._closing = closing
 
     def add_to(self, routing: Routing) -> None:
         """Add the routes."""
@@ -129,10 +134,6 @@ class JobRoutes:
                 **NOT_MODIFIED,
             },
         )
-
-    def close_streams(self) -> None:
-        """End the event streams of all jobs."""
-        self._closed.set()
 
     async def create(self, request: Annotated[JobRequest, Body()], response: Response) -> JobSchema:
         """Queue work that takes longer than a request may, and respond at once; `Location` is the job's URL.
@@ -202,7 +203,8 @@ class JobRoutes:
             raise ProblemError(ProblemType.NO_RESULT, found.error or f"job {job} is {found.state.value}")
         media_type = MEDIA_TYPES.get(found.result.suffix.removeprefix("."), OCTET_STREAM)
         try:
-            return await file_response(request, found.result, media_type, etag=f'"{job}"')
+            etag = f'"{job}"'
+            return await self._lookup_threads.run(partial(file_response, request, found.result, media_type, etag=etag))
         except OSError as error:
             raise ProblemError(
                 ProblemType.STORAGE_UNAVAILABLE, f"job {job}: its result file no longer exists"
@@ -213,7 +215,7 @@ class JobRoutes:
         found = await self._find(job)
         if request.scope.get("rig.head"):
             return Response(media_type=EVENT_STREAM)
-        if self._followers >= MAX_FOLLOWERS or self._closed.is_set():
+        if self._followers >= MAX_FOLLOWERS or self._closing.is_set():
             raise ProblemError(ProblemType.BUSY, f"{self._followers} clients follow jobs; the limit is {MAX_FOLLOWERS}")
         return StreamingResponse(self._events(found), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
@@ -222,7 +224,7 @@ class JobRoutes:
         try:
             yield _event_text(job)
             idle_time = 0.0
-            while not job.state.is_final and not self._closed.is_set():
+            while not job.state.is_final and not self._closing.is_set():
                 await asyncio.sleep(POLL_INTERVAL)
                 idle_time += POLL_INTERVAL
                 previous, job = job, await to_thread.run_sync(self._latest, job)

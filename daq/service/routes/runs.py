@@ -1,268 +1,249 @@
-"""Routes of one recorded run: its results, samples, predictions and file."""
+"""Routes of the recorded runs: list, properties, summary, file, annotations and trash; and the start of a run."""
 
-from collections.abc import Callable
 from functools import partial
-from typing import Annotated, Protocol
+from pathlib import Path
+from typing import Annotated, Any, Final
 
-from fastapi import Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
+from fastapi import Path as PathParameter
+from fastapi.responses import FileResponse
 
-from analysis.signals.units import RPM
-from daq.reports.parameters import (
-    AnalysisQuery,
-    FrameQuery,
-    QueryParameters,
-    RecordedCascadeQuery,
-    RecordedWaterfallQuery,
-    SampleFormat,
-    SamplesQuery,
-    SpeedQuery,
-    TrendQuery,
-)
-from daq.schemas.results import (
-    CascadeSchema,
-    ComparisonSchema,
-    OrderVectorsSchema,
-    PredictionSchema,
-    SamplesSchema,
-    TrendSchema,
-    WaterfallSchema,
-    WhirlFindingsSchema,
-)
-from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
-from daq.schemas.units import Schema
-from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
-from daq.service.problems import ProblemError
+from daq.errors import RigError
+from daq.schemas.runs import RunListSchema, RunSchema, run_list_schema, run_schema
+from daq.schemas.summary import SummarySchema
+from daq.schemas.units import utc_time
+from daq.service.problem_types import ProblemType
+from daq.service.problems import ProblemError, problems
 from daq.service.responses import (
+    BINARY,
     NOT_MODIFIED,
     OCTET_STREAM,
-    accepts_gzip,
+    allows_change,
     file_response,
-    matches_etag,
-    preferred_media_type,
-    weak_etag,
+    require_modified,
+    strong_etag,
 )
-from daq.service.results_reader import ResultsReader
-from daq.service.routes.analyses import ARROW, NPZ, PLOT_TYPES, add_analyses, add_plots
-from daq.service.routing import BoundedThreadPool, Routing, RunId
-from daq.service.stream import LiveFeed, require_ended
+from daq.service.routes.run_query import RunQuery
+from daq.service.routing import API_PREFIX, BODY_PROBLEMS, IfMatch, JsonRoute
+from daq.service.schemas.runs import (
+    AnnotationRequest,
+    RestoreRequest,
+    StartedRunSchema,
+    StartRequest,
+    TrashedRunSchema,
+    TrashEntrySchema,
+    TrashSchema,
+)
+from daq.service.state import EndedRun, RunId, ServiceState, State
+from daq.service.stream import require_ended
+from daq.session.run import RunManager
 from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.run_store import Search
+from recordings.errors import NotFoundError, RunExistsError
 from recordings.mcap.container import MAGIC
 
-MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
-COMPRESSIBLE = ("application/json", PLOT_TYPES["svg"])
-SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
-BINARY = {"schema": {"type": "string", "format": "binary"}}
+LISTING_PROBLEMS: Final = (ProblemType.INVALID_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
+EDIT_PROBLEMS: Final = (*LISTING_PROBLEMS, ProblemType.RUN_NOT_FOUND, ProblemType.CROSS_SITE_REQUEST)
+FILE_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"description": "The whole file, MCAP", "content": {OCTET_STREAM: BINARY}},
+    206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY}},
+    **NOT_MODIFIED,
+}
+RECORDING_BODY: Final = {"requestBody": {"content": {OCTET_STREAM: BINARY}, "required": True}}
+
+TrashName = Annotated[
+    str,
+    PathParameter(description="Name in the trash, from /api/v1/trash", examples=["2026-11-24T09-12-07-gj90c"]),
+]
+
+router = APIRouter(tags=["runs"], route_class=JsonRoute)
+start_router = APIRouter(tags=["runs"], route_class=JsonRoute)
 
 
-class Catalogue(Protocol):
-    """The runs of a data folder."""
+@router.get("/runs", summary="List the runs", responses=problems(*LISTING_PROBLEMS))
+async def list_runs(state: State, query: Annotated[RunQuery, Query()]) -> RunListSchema:
+    """List the runs of the data folder; unfinished and truncated ones have `is_complete` false.
 
-    def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError if there is none."""
-        ...
-
-
-class RunRoutes:
-    """Routes of one recorded run: results, samples, predictions and file.
-
-    Parameters
-    ----------
-    catalogue : Catalogue
-        The recorded runs.
-    live : LiveFeed
-        The current run; its results are refused until it has ended.
-    results : ResultsReader
-        Computes the results.
-    version : str
-        Version of the service; part of the ETags.
+    Filters by measured values (speed, onset) find runs that `rig index` or the job `index` has summarised.
     """
+    search = query.search()
+    if search == Search():
+        found = await state.lookups.run(state.catalogue.runs)
+    else:
+        found = await state.lookups.run(state.catalogue.search, search)
+    chosen = query.matching(found)
+    return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
-    def __init__(self, catalogue: Catalogue, live: LiveFeed, results: ResultsReader, version: str) -> None:
-        self._catalogue = catalogue
-        self._live = live
-        self._results = results
-        self._version = version
-        self._lookup_threads = BoundedThreadPool(threads=4, waiting=64)
-        self._result_threads = BoundedThreadPool(threads=2, waiting=64)
 
-    def add_to(self, routing: Routing) -> None:
-        """Add the routes."""
-        results: tuple[tuple[str, Callable[..., object], str, type[Schema]], ...] = (
-            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsSchema),
-            ("findings", self.findings, "Sub-synchronous components", WhirlFindingsSchema),
-            ("trend", self.trend, "Speed and vibration over time", TrendSchema),
-            ("cascade", self.cascade, "Order spectra over speed", CascadeSchema),
-            ("waterfall", self.waterfall, "Order spectra over time", WaterfallSchema),
-            ("order-spectrum", self.order_spectrum, "Order spectrum at a time or speed", OrderSpectrumSchema),
-            ("full-spectrum", self.full_spectrum, "Full spectrum at a time or speed", FullSpectrumSchema),
-            ("orbit", self.orbit, "Orbit at a time or speed", OrbitSchema),
-        )
-        for path, endpoint, title, model in results:
-            name = f"get_run_{path.replace('-', '_')}"
-            problem_types = (
-                RUN_READ_PROBLEMS
-                if endpoint in {self.order_vectors, self.findings, self.trend}
-                else (*RUN_READ_PROBLEMS, ProblemType.NO_DATA)
-            )
-            routing.add(
-                f"/runs/{{run}}/{path}",
-                endpoint,
-                name,
-                "results",
-                title,
-                *problem_types,
-                model=model,
-                responses=NOT_MODIFIED,
-            )
-        add_plots(routing, self._result_response)
-        add_analyses(routing, self._result_response)
-        predicted = (*RUN_READ_PROBLEMS, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
-        routing.add(
-            "/runs/{run}/prediction",
-            self.prediction,
-            "get_run_prediction",
-            "results",
-            "Predicted vibration at a speed",
-            *predicted,
-        )
-        routing.add(
-            "/runs/{run}/comparison",
-            self.comparison,
-            "get_run_comparison",
-            "results",
-            "Measured and predicted vibration at a speed",
-            *predicted,
-        )
-        routing.add(
-            "/runs/{run}/samples",
-            self.samples,
-            "get_run_samples",
-            "results",
-            "Samples of a time range",
-            *RUN_READ_PROBLEMS,
-            ProblemType.NO_DATA,
-            ProblemType.RESPONSE_TOO_LARGE,
-            ProblemType.NOT_ACCEPTABLE,
-            model=SamplesSchema,
-            responses={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
-        )
-        routing.add(
-            "/runs/{run}/file",
-            self.file,
-            "get_run_file",
-            "runs",
-            "Download the recording's file",
+@start_router.post(
+    "/runs",
+    status_code=201,
+    summary="Start a run",
+    responses=problems(ProblemType.RUN_CANNOT_START, ProblemType.BUSY, ProblemType.STORAGE_UNAVAILABLE, *BODY_PROBLEMS),
+)
+async def start_run(state: State, request: StartRequest, response: Response) -> StartedRunSchema:
+    """Start a run with one of the service's rigs, and respond once samples arrive, which takes seconds.
+
+    Only one run at a time. `/live` returns its values; `/live/stop` or the end of the service stops it.
+    """
+    manager: RunManager = state.run_manager  # type: ignore[assignment]  # without one this router is not included
+    try:
+        header = await state.starts.run(manager.start, request.rig or manager.rigs[0], request.note, request.duration_s)
+    except RigError as error:
+        raise ProblemError(ProblemType.RUN_CANNOT_START, str(error)) from error
+    response.headers["Location"] = f"{API_PREFIX}/runs/{header.run}"
+    return StartedRunSchema(run=header.run, rig=header.rig, started_at=utc_time(header.started_ns))
+
+
+@router.get(
+    "/runs/{run}",
+    summary="Properties of a run",
+    responses={**problems(ProblemType.RUN_NOT_FOUND, *LISTING_PROBLEMS), **NOT_MODIFIED},
+)
+async def get_run(state: State, request: Request, run: RunId, response: Response) -> RunSchema:
+    """Return the run's properties from the recording's header and footer, within milliseconds."""
+    schema = run_schema(await state.lookups.run(state.catalogue.run, run))
+    response.headers["ETag"] = strong_etag(schema)
+    require_modified(request, response.headers)
+    return schema
+
+
+@router.get(
+    "/runs/{run}/summary",
+    summary="Summary of a run",
+    responses=problems(
+        *LISTING_PROBLEMS,
+        ProblemType.RUN_NOT_FOUND,
+        ProblemType.RUN_UNDER_WAY,
+        ProblemType.RUN_DAMAGED,
+        ProblemType.RUN_FORMAT_UNKNOWN,
+        ProblemType.TIME_LIMIT_EXCEEDED,
+    ),
+)
+async def get_run_summary(state: State, run: RunId) -> SummarySchema:
+    """Return speeds, amplitudes, phases, sub-synchronous components, losses, and the agreement with the model.
+
+    If the run has no stored summary, it is computed from the whole recording, which takes a while.
+    """
+    require_ended(state.live, run)
+    return await state.summary_threads.run(state.summaries.summary, run)
+
+
+@router.get(
+    "/runs/{run}/file",
+    summary="Download the recording's file",
+    response_class=FileResponse,
+    responses={
+        **problems(
+            *LISTING_PROBLEMS,
             ProblemType.RUN_NOT_FOUND,
-            ProblemType.INVALID_PARAMETER,
             ProblemType.RUN_UNDER_WAY,
             ProblemType.RUN_DAMAGED,
-            ProblemType.STORAGE_UNAVAILABLE,
-            ProblemType.BUSY,
             ProblemType.RANGE_NOT_SATISFIABLE,
-            responses={
-                200: {"description": "The whole file, MCAP", "content": {OCTET_STREAM: BINARY}},
-                206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY}},
-                **NOT_MODIFIED,
-            },
-        )
-
-    async def order_vectors(self, request: Request, run: RunId) -> Response:
-        """Return amplitude and phase of 1X and 2X, their scatter and the overall vibration by speed bins.
-
-        The rows are those of the run's summary. `ETag` and `If-None-Match` avoid repeated transfers.
-        """
-        return await self._result_response(request, run, "order-vectors")
-
-    async def findings(self, request: Request, run: RunId) -> Response:
-        """Return the sub-synchronous components with their onset and end, as in the run's summary."""
-        return await self._result_response(request, run, "findings")
-
-    async def trend(self, request: Request, run: RunId, query: Annotated[TrendQuery, Query()]) -> Response:
-        """Return speed, overall vibration, 1X and whirl over time; decimation preserves minima and maxima."""
-        return await self._result_response(request, run, "trend", query)
-
-    async def cascade(self, request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
-        """Return the maximum amplitude per cell of speed and order, at screen resolution."""
-        return await self._result_response(request, run, "cascade", query)
-
-    async def waterfall(
-        self, request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]
-    ) -> Response:
-        """Return the maximum amplitude per cell of time and order, at screen resolution."""
-        return await self._result_response(request, run, "waterfall", query)
-
-    async def order_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return amplitude and phase by order of the nearest recorded order frame."""
-        return await self._result_response(request, run, "order-spectrum", query)
-
-    async def full_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return forward and backward amplitudes by order of the nearest recorded order frame."""
-        return await self._result_response(request, run, "full-spectrum", query)
-
-    async def orbit(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return the orbit over the last complete revolutions of the nearest recorded order frame."""
-        return await self._result_response(request, run, "orbit", query)
-
-    async def prediction(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
-        """Return the model's prediction for the run's rig, with its configuration at the time of recording."""
-        entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.prediction, entry, query.speed_rpm * RPM))
-
-    async def comparison(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
-        """Return the nearest measured speed bin, within 300 r/min, and the prediction at the bin's mean speed."""
-        entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.comparison, entry, query.speed_rpm * RPM))
-
-    async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
-        """Return samples as JSON, NumPy archive or Arrow stream, in engineering units, volts or codes.
-
-        The archive has an array `channel:NAME` for each channel and a table `about` of names and values.
-        """
-        form = query.format or preferred_media_type(request.headers.get("accept"), SAMPLE_TYPES)
-        if form is None:
-            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
-        form = SampleFormat(form)
-        media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
-        gzipped = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
-        entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, form.value, str(gzipped))
-        headers = {**_cache_headers(etag, gzipped=gzipped), "Vary": "Accept, Accept-Encoding"}
-        if matches_etag(request.headers.get("if-none-match"), etag):
-            return Response(status_code=304, headers=headers)
-        body = await self._result_threads.run(partial(self._results.samples, entry, query, form, gzipped=gzipped))
-        return Response(body, headers=headers, media_type=media_type)
-
-    async def file(self, request: Request, run: RunId) -> Response:
-        """Return the recording, or with `Range` a byte range of it; `If-Range` guards against a changed file."""
-        entry = await self._entry(run)
-        try:
-            return await file_response(request, entry.path, magic=MAGIC)
-        except FileNotFoundError as error:
-            raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run}: its file no longer exists") from error
-        except OSError as error:
-            raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"run {run}: {error.strerror or error}") from error
-
-    async def _result_response(
-        self, request: Request, run: str, path: str, query: QueryParameters | None = None
-    ) -> Response:
-        media_type = MEDIA_TYPES.get(path.rpartition(".")[2], "application/json")
-        gzipped = media_type in COMPRESSIBLE and accepts_gzip(request.headers.get("accept-encoding"))
-        entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, path, str(gzipped))
-        headers = _cache_headers(etag, gzipped=gzipped)
-        if isinstance(query, AnalysisQuery):
-            headers["Vary"] = "Accept, Accept-Encoding"
-        if matches_etag(request.headers.get("if-none-match"), etag):
-            return Response(status_code=304, headers=headers)
-        body = await self._result_threads.run(partial(self._results.result, entry, path, query, gzipped=gzipped))
-        return Response(body, headers=headers, media_type=media_type)
-
-    async def _entry(self, run: str) -> RunEntry:
-        """Return a run; ProblemError if it is still in progress."""
-        require_ended(self._live, run)
-        return await self._lookup_threads.run(partial(self._catalogue.run, run))
+        ),
+        **FILE_RESPONSES,
+    },
+)
+async def get_run_file(state: State, request: Request, run: EndedRun) -> FileResponse:
+    """Return the recording, or with `Range` a byte range of it; `If-Range` guards against a changed file."""
+    try:
+        return await state.lookups.run(partial(file_response, request, run.path, magic=MAGIC))
+    except FileNotFoundError as error:
+        raise ProblemError(ProblemType.RUN_NOT_FOUND, f"run {run.id}: its file no longer exists") from error
+    except OSError as error:
+        raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, f"run {run.id}: {error.strerror or error}") from error
 
 
-def _cache_headers(etag: str, *, gzipped: bool) -> dict[str, str]:
-    coding = {"Content-Encoding": "gzip"} if gzipped else {}
-    return {"ETag": etag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}
+@router.put(
+    "/runs/{run}/file",
+    status_code=201,
+    summary="Upload a recording",
+    openapi_extra=RECORDING_BODY,
+    responses=problems(
+        *EDIT_PROBLEMS,
+        ProblemType.RUN_EXISTS,
+        ProblemType.INVALID_RECORDING,
+        ProblemType.CONTENT_TOO_LARGE,
+        ProblemType.REQUEST_TIMEOUT,
+    ),
+)
+async def upload_run(state: State, request: Request, run: RunId, response: Response) -> RunSchema:
+    """Store a recording under the path's id once it is complete and all its checksums are correct.
+
+    An existing run is never overwritten, and nothing of a rejected recording is left.
+    """
+    path = state.catalogue.path_for(run)
+    await state.recording_receiver.receive(request, path, state.results.require_sound)
+    response.headers["Location"] = f"{API_PREFIX}/runs/{run}"
+    return run_schema(await state.edits.run(state.catalogue.run, run))
+
+
+@router.patch(
+    "/runs/{run}",
+    summary="Change a run's remark and tags",
+    responses=problems(*EDIT_PROBLEMS, ProblemType.PRECONDITION_FAILED, *BODY_PROBLEMS),
+)
+async def annotate_run(
+    state: State, run: RunId, annotation: AnnotationRequest, response: Response, if_match: IfMatch = None
+) -> RunSchema:
+    """Change the run's remark and tags, stored in a file beside the recording, which is not changed."""
+
+    def annotate() -> RunEntry:
+        _require_match(state, run, if_match)
+        return state.catalogue.annotate(run, remark=annotation.remark, tags=annotation.tags)
+
+    schema = run_schema(await state.edits.run(annotate))
+    response.headers["ETag"] = strong_etag(schema)
+    return schema
+
+
+@router.delete(
+    "/runs/{run}",
+    summary="Move a run into the trash",
+    responses=problems(*EDIT_PROBLEMS, ProblemType.RUN_UNDER_WAY, ProblemType.PRECONDITION_FAILED),
+)
+async def delete_run(state: State, run: RunId, if_match: IfMatch = None) -> TrashedRunSchema:
+    """Move the recording into the folder `trash` of the data folder; nothing is deleted."""
+    require_ended(state.live, run)
+
+    def move() -> Path:
+        _require_match(state, run, if_match)
+        return state.catalogue.move_to_trash(run)
+
+    path = await state.edits.run(move)
+    return TrashedRunSchema(run=run, trash=f"{path.parent.name}/{path.name}", name=path.stem)
+
+
+def _require_match(state: ServiceState, run: str, if_match: str | None) -> None:
+    """Raise ProblemError if a run has changed since the version in If-Match; the only edit thread calls it."""
+    if if_match is not None and not allows_change(if_match, strong_etag(run_schema(state.catalogue.run(run)))):
+        raise ProblemError(ProblemType.PRECONDITION_FAILED, f"run {run} has changed")
+
+
+@router.get(
+    "/trash",
+    summary="List the runs in the trash",
+    responses=problems(ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY),
+)
+async def list_trash(state: State) -> TrashSchema:
+    """List the runs in the trash; the service never deletes them permanently."""
+    trashed = await state.edits.run(state.catalogue.trashed_runs)
+    return TrashSchema(runs=tuple(TrashEntrySchema(name=each.name, size_bytes=each.size) for each in trashed))
+
+
+@router.post(
+    "/trash/{name}/restore",
+    status_code=201,
+    summary="Restore a run from the trash",
+    responses=problems(ProblemType.NOT_IN_TRASH, ProblemType.RUN_EXISTS, *EDIT_PROBLEMS, *BODY_PROBLEMS),
+)
+async def restore_run(state: State, name: TrashName, request: RestoreRequest, response: Response) -> RunSchema:
+    """Move a run and its annotations back into the data folder; an existing run is never replaced."""
+    try:
+        entry = await state.edits.run(state.catalogue.restore, name, request.run or "")
+    except NotFoundError as error:
+        raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
+    except RunExistsError as error:
+        raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
+    response.headers["Location"] = f"{API_PREFIX}/runs/{entry.id}"
+    return run_schema(entry)

@@ -11,13 +11,14 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.responses import OCTET_STREAM
 from daq.service.results_reader import ResultsReader
-from daq.service.routing import API_PREFIX, BoundedThreadPool, Routing
+from daq.service.routing import API_PREFIX, Routing
 from daq.service.schemas.uploads import (
     ColumnsSchema,
     UploadListSchema,
     UploadSchema,
     upload_schema,
 )
+from daq.service.state import BoundedThreadPool
 from daq.service.uploads import (
     MAX_NAME_LENGTH,
     MAX_UPLOAD_SIZE,

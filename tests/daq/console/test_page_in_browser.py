@@ -27,8 +27,8 @@ from tests.daq.support.live_updates import (
     with_second_whirl,
 )
 from tests.daq.support.recorded_bench import API, open_recorded_bench, record_run
-from tests.daq.support.service_bench import Bench, open_bench
-from tests.daq.support.service_fakes import NEWEST, FakeCatalogue, FakeLive, FakeSummaries
+from tests.daq.support.service_bench import Bench, fake_state, open_bench
+from tests.daq.support.service_fakes import NEWEST
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")]
@@ -187,16 +187,12 @@ class BlockedLive:
 
 @pytest.mark.parametrize("blocked", ["http", "websocket"])
 def test_page_follows_the_run_by_socket_or_by_polling_if_one_is_blocked(blocked: str, tmp_path: Path) -> None:
-    live = FakeLive()
-    live.update = UPDATE
-    catalogue = FakeCatalogue([])
-    app = create_app(catalogue, live, FakeSummaries(catalogue), None)
-    server = ServiceServer(BlockedLive(app, blocked))
+    state = fake_state(tmp_path / "data", UPDATE)
+    server = ServiceServer(BlockedLive(create_app(state), blocked), closing=state.closing)
     server.start()
     try:
         page = load_page(server.url, tmp_path)
     finally:
-        app.close_streams()
         server.close()
     assert 'data-state="recording"' in page
     assert text_of(page, "speed") == "12,005"
@@ -215,17 +211,13 @@ class RequestLog:
 
 
 def test_page_receives_the_curves_over_the_socket_and_does_not_poll(tmp_path: Path) -> None:
-    live = FakeLive()
-    live.update = UPDATE
-    catalogue = FakeCatalogue([])
-    app = create_app(catalogue, live, FakeSummaries(catalogue), None)
-    log = RequestLog(app)
-    server = ServiceServer(log)
+    state = fake_state(tmp_path / "data", UPDATE)
+    log = RequestLog(create_app(state))
+    server = ServiceServer(log, closing=state.closing)
     server.start()
     try:
         page = load_page(server.url, tmp_path)
     finally:
-        app.close_streams()
         server.close()
     assert 'class="curves"' in page
     assert log.requests.count("websocket /api/v1/live/curves/socket") == 1

@@ -126,9 +126,9 @@ def test_stop_button_stops_the_run_on_the_second_press_only(page: Page, tmp_path
         page.until("!document.getElementById('stop').hidden")
         page.value("document.getElementById('stop').click()")
         page.until("document.getElementById('stop').textContent === 'Press again to stop'")
-        assert bench.run_control.stopped == []
+        assert bench.live.stopped == []
         page.value("document.getElementById('stop').click()")
         page.until("document.getElementById('stop').textContent === 'Stopping …'")
-        assert bench.run_control.stopped == [UPDATE.header.run]
+        assert bench.live.stopped == [UPDATE.header.run]
     finally:
         bench.close()

@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 
 from daq.errors import ServiceError
+from daq.reports.run_summaries import Summaries
 from daq.schemas.summary import SummarySchema
-from daq.service.access import host_without_port, is_loopback
+from daq.service.access import PUBLIC_PAGES, host_without_port, is_loopback
 from daq.service.app import create_app
-from daq.service.pages import PUBLIC_PATHS
 from daq.service.problem_types import ProblemSchema
 from daq.service.server import ServiceServer
+from daq.session.predictor import Predictors
 from recordings.catalogue.catalogue import Catalogue
-from tests.daq.support.service_bench import API, Bench, open_bench
-from tests.daq.support.service_fakes import FakeCatalogue, FakeLive, FakeSummaries, make_entries
+from tests.daq.support.service_bench import API, Bench, fake_state, open_bench, service_state
+from tests.daq.support.service_fakes import FakeLive
 
 WORD = "correct-horse"
 EVERYWHERE = str(IPv4Address(0))
@@ -87,7 +88,8 @@ def test_request_without_the_token_is_rejected(public_bench: Bench, authorizatio
     [
         "//api/v1/runs",
         "/API/v1/runs",
-        "/api/v1/../../page.css",
+        "/api/v1/../../console/page.css",
+        "/console",
         "/%61pi/v1/runs",
         "/docs/",
         f"/api/v1/runs?token={WORD}",
@@ -99,7 +101,12 @@ def test_no_spelling_of_a_path_bypasses_the_token(public_bench: Bench, target: s
     assert public_bench.raw(target)[0] == 401
 
 
-@pytest.mark.parametrize("path", sorted(PUBLIC_PATHS))
+@pytest.mark.parametrize("tail", ["../api/v1/runs", "..%2fapi%2fv1%2fruns", "%2e%2e/service/app.py", "%2fetc%2fpasswd"])
+def test_no_spelling_leads_out_of_the_folder_of_the_page(public_bench: Bench, tail: str) -> None:
+    assert public_bench.raw(f"/console/{tail}")[0] == 404
+
+
+@pytest.mark.parametrize("path", [*sorted(PUBLIC_PAGES), "/console/page.js"])
 def test_page_needs_no_token_and_contains_no_data(public_bench: Bench, path: str) -> None:
     status, _, content = public_bench.raw(path)
     assert status == 200
@@ -116,17 +123,15 @@ def test_openapi_schema_declares_the_token_if_required(loopback_bench: Bench, pu
 
 
 @pytest.mark.parametrize("host", [EVERYWHERE, "", "192.168.1.7", "bench.lab.example", "::"])
-def test_public_service_without_a_token_is_refused(host: str) -> None:
-    catalogue = FakeCatalogue(make_entries())
+def test_public_service_without_a_token_is_refused(tmp_path: Path, host: str) -> None:
     with pytest.raises(ServiceError, match="token"):
-        create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, host=host)
+        create_app(fake_state(tmp_path), host=host)
 
 
 @pytest.mark.parametrize("token", ["", " ", " x", "a\nb", "tökèn"])
-def test_token_that_no_header_can_carry_is_refused(token: str) -> None:
-    catalogue = FakeCatalogue(make_entries())
+def test_token_that_no_header_can_carry_is_refused(tmp_path: Path, token: str) -> None:
     with pytest.raises(ServiceError, match="printable"):
-        create_app(catalogue, FakeLive(), FakeSummaries(catalogue), None, token=token)
+        create_app(fake_state(tmp_path), token=token)
 
 
 def test_responses_have_security_headers(loopback_bench: Bench) -> None:
@@ -149,11 +154,11 @@ def test_no_run_id_leads_out_of_the_data_folder(tmp_path: Path, run_id: str, tai
     (tmp_path / "secret.mcap").write_bytes(b"secret")
     catalogue = Catalogue(folder)
 
-    class FromFile:
+    class FromFile(Summaries):
         def summary(self, run_id: str) -> SummarySchema:
             raise AssertionError(catalogue.path(run_id).read_bytes())
 
-    server = ServiceServer(create_app(catalogue, FakeLive(), FromFile(), None))
+    server = ServiceServer(create_app(service_state(catalogue, FakeLive(), FromFile(catalogue, Predictors()))))
     server.start()
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     connection.request("GET", f"{API}/runs/{run_id}{tail}")

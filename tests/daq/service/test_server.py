@@ -26,6 +26,7 @@ class HelloApp:
         self.requested = threading.Event()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        assert scope["type"] == "http"  # the server then runs it without lifespan
         self.requested.set()
         if self.delay:
             await asyncio.sleep(self.delay)
@@ -154,6 +155,7 @@ def test_url_opens_in_a_browser_on_this_machine(host: str, url: str) -> None:
 def test_response_that_fails_after_its_start_is_not_completed() -> None:
     class BreaksOff:
         async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+            assert scope["type"] == "http"
             await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"10")]})
             await send({"type": "http.response.body", "body": b"half", "more_body": True})
             raise ValueError("broke off")

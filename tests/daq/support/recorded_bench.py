@@ -11,19 +11,17 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.reports.run_summaries import Summaries
-from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
-from daq.schemas.units import utc_time
-from daq.service.app import ServiceFeatures, create_app
+from daq.service.app import create_app
 from daq.service.jobs.queue import CatalogueLocation, JobQueue
-from daq.service.results_reader import PredictionProvider, ResultsReader
-from daq.service.routes.live import RunStarter
+from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
+from daq.service.state import ServiceState
 from daq.session.predictor import Predictors
 from daq.session.recording.recorder import RecordingRequest, run_header
+from daq.session.run import RunManager
 from model.errors import ParameterError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import Catalogue
-from recordings.mcap.results import MarkerKind
 from recordings.mcap.writer import write_run
 from tests.daq.support.live_updates import make_prediction
 from tests.daq.support.service_fakes import FakeLive
@@ -42,35 +40,7 @@ def record_run(rig: Rig, folder: Path, run: str = RUN) -> Path:
     return path
 
 
-class FakeRunControl:
-    """Run control of the run in `FakeLive`; records which runs it stopped."""
-
-    def __init__(self, live: FakeLive) -> None:
-        self.live = live
-        self.stopped: list[str] = []
-
-    def stop(self) -> str | None:
-        if self.live.update is None:
-            return None
-        self.stopped.append(self.live.update.header.run)
-        return self.live.update.header.run
-
-    def add_marker(self, text: str) -> MarkerSchema | None:
-        if self.live.update is None:
-            return None
-        return MarkerSchema(
-            kind=MarkerKind.NOTE, text=text, segment=0, time_s=1.0, marked_at=utc_time(1_795_511_527_250_000_000)
-        )
-
-    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
-        update = self.live.update
-        if update is None:
-            return None
-        alarms = tuple(alarm_schema(alarm) for alarm in update.status.alarms)
-        return AcknowledgedAlarmsSchema(run=update.header.run, alarms=alarms)
-
-
-class ReadyModel:
+class ReadyModel(Predictors):
     """A model with predictions up to 20,000 r/min."""
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
@@ -79,7 +49,7 @@ class ReadyModel:
         return make_prediction(speed, header.settings)
 
 
-class DefectiveModel:
+class DefectiveModel(Predictors):
     """A model with a defect of its own: a ValueError that no request and no recording causes."""
 
     def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
@@ -92,7 +62,6 @@ class RecordedBench:
 
     folder: Path
     live: FakeLive
-    run_control: FakeRunControl
     client: httpx.Client
     close: Callable[[], None]
 
@@ -107,20 +76,18 @@ def open_recorded_bench(
     host: str = "127.0.0.1",
     token: str | None = None,
     origins: tuple[str, ...] = (),
-    run_starter: RunStarter | None = None,
+    run_manager: RunManager | None = None,
     job_limit: float = 60.0,
     request_limit: float = 60.0,
-    model: PredictionProvider | None = None,
+    model: Predictors | None = None,
 ) -> RecordedBench:
     """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     results = ResultsReader(model or ReadyModel(), time_limit=request_limit)
-    run_control = FakeRunControl(live)
     jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
-    features = ServiceFeatures(results, run_control, run_starter, catalogue, jobs, origins)
-    summaries = Summaries(catalogue, predictors, results.summary)
-    app = create_app(catalogue, live, summaries, None, features=features, host=host, token=token)
-    server = ServiceServer(app)
+    state = ServiceState(catalogue, live, Summaries(catalogue, predictors, results.summary), results, jobs, run_manager)
+    app = create_app(state, host=host, token=token, cors_origins=origins)
+    server = ServiceServer(app, closing=state.closing)
     server.start()
     client = httpx.Client(base_url=server.url, timeout=120.0)
 
@@ -131,4 +98,4 @@ def open_recorded_bench(
         results.close()
         predictors.close()
 
-    return RecordedBench(folder, live, run_control, client, close)
+    return RecordedBench(folder, live, client, close)

@@ -1,14 +1,23 @@
 """A running service over fake data, a client for it, and a checker of JSON against OpenAPI schemas."""
 
 import http.client
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import httpx
 
+from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
+from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
+from daq.service.state import ServiceState
+from daq.session.live_update import LiveUpdate
+from daq.session.predictor import Predictors
+from recordings.catalogue.catalogue import Catalogue
 from tests.daq.support.service_fakes import FakeCatalogue, FakeLive, FakeSummaries, make_entries
 
 API = "/api/v1"
@@ -23,6 +32,7 @@ class Bench:
     summaries: FakeSummaries
     server: ServiceServer
     client: httpx.Client
+    folder: tempfile.TemporaryDirectory[str]
 
     def get(self, path: str, **parameters: str | int) -> httpx.Response:
         """Send a GET request for a path below /api/v1."""
@@ -47,15 +57,32 @@ class Bench:
         """Close client and server."""
         self.client.close()
         self.server.close()
+        self.folder.cleanup()
 
 
-def open_bench(viewer_url: str | None = None, *, host: str = "127.0.0.1", token: str | None = None) -> Bench:
+def service_state(catalogue: Catalogue, live: FakeLive, summaries: Summaries) -> ServiceState:
+    """Return the state of a service whose worker processes are never started."""
+    return ServiceState(
+        catalogue, live, summaries, ResultsReader(Predictors()), JobQueue(CatalogueLocation(catalogue.folder))
+    )
+
+
+def fake_state(folder: Path, update: LiveUpdate | None = None) -> ServiceState:
+    """Return the state of a service with four runs and a live run, by default none."""
+    catalogue, live = FakeCatalogue(make_entries(), folder), FakeLive()
+    live.update = update
+    return service_state(catalogue, live, FakeSummaries(catalogue))
+
+
+def open_bench(viewer_url: str = "", *, host: str = "127.0.0.1", token: str | None = None) -> Bench:
     """Start a service with four runs and no live run at a free local port, as if bound to ``host``."""
-    catalogue, live = FakeCatalogue(make_entries()), FakeLive()
+    folder = tempfile.TemporaryDirectory()
+    catalogue, live = FakeCatalogue(make_entries(), Path(folder.name)), FakeLive()
     summaries = FakeSummaries(catalogue)
-    server = ServiceServer(create_app(catalogue, live, summaries, viewer_url, host=host, token=token))
+    state = service_state(catalogue, live, summaries)
+    server = ServiceServer(create_app(state, viewer_url, host=host, token=token), closing=state.closing)
     server.start()
-    return Bench(catalogue, live, summaries, server, httpx.Client(base_url=server.url, timeout=60.0))
+    return Bench(catalogue, live, summaries, server, httpx.Client(base_url=server.url, timeout=60.0), folder)
 
 
 def schema_errors(value: object, schema: Mapping[str, Any], schemas: Mapping[str, Any], at: str = "$") -> list[str]:

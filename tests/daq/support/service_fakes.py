@@ -13,12 +13,17 @@ from analysis.signals.snapshot import TachoReport, TachoState
 from analysis.signals.units import RPM
 from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding
+from daq.reports.run_summaries import Summaries
+from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema
 from daq.schemas.summary import SummarySchema, summary_schema
+from daq.schemas.units import utc_time
 from daq.session.live_update import LiveUpdate
+from daq.session.predictor import Predictors
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
-from recordings.catalogue.catalogue import RunEntry
+from recordings.catalogue.catalogue import Catalogue, RunEntry
 from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
+from recordings.mcap.results import MarkerKind
 from tests.daq.support.live_updates import make_header
 
 NEWEST = "2026-11-24T09-12-07-gj90c"
@@ -134,10 +139,11 @@ def make_agreement() -> Agreement:
     )
 
 
-class FakeCatalogue:
+class FakeCatalogue(Catalogue):
     """Catalogue of given entries; raises ``trouble`` if set."""
 
-    def __init__(self, entries: list[RunEntry]) -> None:
+    def __init__(self, entries: list[RunEntry], folder: Path) -> None:
+        super().__init__(folder)
         self.entries = entries
         self.trouble: Exception | None = None
 
@@ -157,19 +163,39 @@ class FakeCatalogue:
 
 
 class FakeLive:
-    """Live feed with a settable update."""
+    """Live run with a settable update; records which runs it stopped."""
 
     def __init__(self) -> None:
         self.update: LiveUpdate | None = None
+        self.stopped: list[str] = []
 
     def latest(self) -> LiveUpdate | None:
         return self.update
 
+    def stop(self) -> str | None:
+        if self.update is None:
+            return None
+        self.stopped.append(self.update.header.run)
+        return self.update.header.run
 
-class FakeSummaries:
+    def add_marker(self, text: str) -> MarkerSchema | None:
+        if self.update is None:
+            return None
+        marked_at = utc_time(1_795_511_527_250_000_000)
+        return MarkerSchema(kind=MarkerKind.NOTE, text=text, segment=0, time_s=1.0, marked_at=marked_at)
+
+    def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
+        if self.update is None:
+            return None
+        alarms = tuple(alarm_schema(alarm) for alarm in self.update.status.alarms)
+        return AcknowledgedAlarmsSchema(run=self.update.header.run, alarms=alarms)
+
+
+class FakeSummaries(Summaries):
     """Returns one summary; raises ``trouble`` if set, and waits for ``gate``."""
 
     def __init__(self, catalogue: FakeCatalogue) -> None:
+        super().__init__(catalogue, Predictors())
         self.catalogue = catalogue
         self.trouble: Exception | None = None
         self.gate = threading.Event()

@@ -130,7 +130,7 @@ def test_stop_request_stops_the_run(bench: RecordedBench) -> None:
     bench.live.update = UPDATES[0]
     response = bench.client.post(f"{API}/live/stop", json={})
     assert (response.status_code, response.json()) == (202, {"run": UPDATES[0].header.run})
-    assert bench.run_control.stopped == [UPDATES[0].header.run]
+    assert bench.live.stopped == [UPDATES[0].header.run]
 
 
 def test_alarms_of_1x_below_1x_and_speed_have_their_own_units(bench: RecordedBench) -> None:
@@ -182,7 +182,7 @@ def test_only_the_service_s_own_page_may_stop_a_run(bench: RecordedBench, header
     bench.live.update = UPDATES[0]
     response = bench.client.post(f"{API}/live/stop", headers=headers, content=b"{}")
     assert response.status_code == status
-    assert bool(bench.run_control.stopped) == (status == 202)
+    assert bool(bench.live.stopped) == (status == 202)
 
 
 def test_page_of_another_site_cannot_open_a_socket(bench: RecordedBench) -> None:

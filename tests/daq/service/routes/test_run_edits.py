@@ -225,8 +225,8 @@ def test_only_one_run_starts_at_a_time(tmp_path: Path, rig: RigFactory) -> None:
         made.append(FakeRun(note))
         return made[-1]
 
-    with RunManager({"test-rig": rig()}, begin) as run_starter:
-        bench = open_recorded_bench(tmp_path, run_starter=run_starter)
+    with RunManager({"test-rig": rig()}, begin) as manager:
+        bench = open_recorded_bench(tmp_path, run_manager=manager)
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
         assert first.headers["location"] == f"{API}/runs/{made[0].header.run}"
