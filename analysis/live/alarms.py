@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from analysis.signals import FloatArray
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import NUMBER
 
 MAX_ALARMS = 256  # stored ended alarms of a run; beyond it that with the smallest excess is dropped
 
@@ -30,35 +32,28 @@ class Alarm:
 
     Parameters
     ----------
-    number : int
-        From 1, in the order of their begin.
     quantity : MonitoredQuantity
         Quantity that exceeded its limit.
     probe : str
         Name of the channel; empty for the speed.
-    severity : Severity
-        Alarm or danger limit.
     limit : float
         The limit, m peak-to-peak, m peak or rad/s.
-    begin : TimeInRun
-        End of the hold time.
     largest : float
         Largest value since the limit was exceeded, in the unit of the limit.
-    largest_at : TimeInRun
-        Time of the largest value.
-    end : TimeInRun or None
-        Time at which the value fell below the limit by the hysteresis; None while active.
     """
 
-    number: int
+    number: Annotated[int, NUMBER.of("Number in order of time, from 1")]
     quantity: MonitoredQuantity
     probe: str
-    severity: Severity
+    severity: Annotated[Severity, NUMBER.of("Severity of the exceeded limit")]
     limit: float
-    begin: TimeInRun
+    begin: Annotated[TimeInRun, NUMBER.of("Start of the alarm: end of the hold time")]
     largest: float
-    largest_at: TimeInRun
-    end: TimeInRun | None = None
+    largest_at: Annotated[TimeInRun, NUMBER.of("Time of the largest value")]
+    end: Annotated[
+        TimeInRun | None,
+        NUMBER.of("Time when the value fell below the limit by the rig's hysteresis; unknown while the alarm lasts"),
+    ] = None
 
     @property
     def is_active(self) -> bool:

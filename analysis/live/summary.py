@@ -2,6 +2,7 @@
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -9,44 +10,36 @@ from analysis.live.alarms import Alarm, AlarmMonitor
 from analysis.signals.blocks import SegmentEnd, TimeInRun
 from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
 from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
+from analysis.signals.units import NUMBER, PEAK_TO_PEAK, SPEED, TIME, VOLTAGE
 from analysis.vectors.speed_curve import SpeedRow, SpeedTable
 from analysis.whirl.findings import WhirlFinding, WhirlTracker
 
 
 @dataclass(frozen=True, slots=True)
 class ProbeSummary:
-    """One probe over the whole run.
+    """One probe over the whole run."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the channel, as "x".
-    gap_mean, gap_min, gap_max : float
-        Mean, smallest and largest gap voltage over update intervals, V; NaN without snapshots.
-    gap_in_window : bool
-        Whether it was within its limits throughout.
-    largest_peak_to_peak : float
-        Largest overall vibration, m peak-to-peak; 0 without snapshots.
-    largest_at : TimeInRun or None
-        Time of the largest vibration; None without snapshots.
-    severity : Severity
-        Severity of the largest vibration.
-    outside_calibration : int
-        Samples outside the calibrated voltage range: their displacement is extrapolated.
-    clearance_fraction : float
-        Largest vibration over the diameter of the clearance circle.
-    """
-
-    name: str
-    gap_mean: float
-    gap_min: float
-    gap_max: float
-    gap_in_window: bool
-    largest_peak_to_peak: float
-    largest_at: TimeInRun | None
-    severity: Severity
-    outside_calibration: int = 0
-    clearance_fraction: float = 0.0
+    name: Annotated[str, NUMBER.of("Name of the channel")]
+    gap_mean: Annotated[float, VOLTAGE.of("Mean gap voltage")]
+    gap_min: Annotated[float, VOLTAGE.of("Smallest mean gap voltage of an update interval")]
+    gap_max: Annotated[float, VOLTAGE.of("Largest mean gap voltage of an update interval")]
+    gap_in_window: Annotated[bool, NUMBER.of("Whether the gap voltage stayed in the probe's window", "gap_ok")]
+    largest_peak_to_peak: Annotated[float, PEAK_TO_PEAK.of("Largest overall vibration")]
+    largest_at: Annotated[
+        TimeInRun | None, NUMBER.of("Time of the largest vibration; unknown where nothing was measured")
+    ]
+    severity: Annotated[Severity, NUMBER.of("Severity of the largest vibration")]
+    outside_calibration: Annotated[
+        int,
+        NUMBER.of(
+            "Samples outside the calibrated voltage span; their displacement is extrapolated",
+            "samples_beyond_calibration",
+        ),
+    ] = 0
+    clearance_fraction: Annotated[
+        float,
+        NUMBER.of("Largest overall vibration as a fraction of the diametral clearance", "largest_clearance_fraction"),
+    ] = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,38 +48,12 @@ class RunSummary:
 
     Parameters
     ----------
-    run, rig, note : str
-        Id of the run, name of the rig, note of the operator.
     started_ns : int
         Wall clock at the start, ns since 1970.
-    duration : float
-        Sampled time of all segments, s.
-    samples : int
-        Samples per channel in all segments.
-    lost : int
-        Samples per channel known to be lost.
-    lost_is_exact : bool
-        False where ``lost`` is only a lower bound.
-    segments : tuple of SegmentEnd
-        End of each segment.
-    lowest_speed, highest_speed : float
-        Range of shaft speed, rad/s; NaN without valid tacho pulses.
-    probes : tuple of ProbeSummary
-        The probes x and y.
-    clipped : tuple of int
-        Samples at the limits of the converter range, per channel.
-    snapshots, frames : int
-        Number of snapshots, and of those with an order frame.
     tacho : TachoReport or None
         The last report; None without snapshots.
     tacho_states : dict of str to int
         Number of snapshots in each state of the tacho (`TachoState` values; those that occurred).
-    rows : tuple of SpeedRow
-        Amplitude, phase and peak-to-peak against speed, for run-up and run-down, in rising order of speed.
-    whirls : tuple of WhirlFinding
-        Sub-synchronous components in the order of their begin.
-    alarms : tuple of Alarm
-        Alarms in the order of their begin.
     runout : RunOut or None
         Subtracted run-out; None where not requested or never known.
     runout_settings : RunOutSettings
@@ -97,43 +64,50 @@ class RunSummary:
         Comparison of the tacho counter with the waveform; None without a counter.
     """
 
-    run: str
-    rig: str
-    note: str
+    run: Annotated[str, NUMBER.of("Id of the run")]
+    rig: Annotated[str, NUMBER.of("Name of the rig")]
+    note: Annotated[str, NUMBER.of("Note of the operator")]
     started_ns: int
-    duration: float
-    samples: int
-    lost: int
-    lost_is_exact: bool
-    segments: tuple[SegmentEnd, ...]
-    lowest_speed: float
-    highest_speed: float
-    probes: tuple[ProbeSummary, ...]
-    clipped: tuple[int, ...]
-    snapshots: int
-    frames: int
+    duration: Annotated[float, TIME.of("Total sampled time of all segments")]
+    samples: Annotated[int, NUMBER.of("Samples per channel in all segments")]
+    lost: Annotated[int, NUMBER.of("Lost samples per channel", "lost_samples")]
+    lost_is_exact: Annotated[bool, NUMBER.of("False where the number of lost samples is a lower bound")]
+    segments: Annotated[tuple[SegmentEnd, ...], NUMBER.of("Gap-free segments of the run")]
+    lowest_speed: Annotated[float, SPEED.of("Lowest shaft speed; unknown where the tacho measured none")]
+    highest_speed: Annotated[float, SPEED.of("Highest shaft speed; unknown likewise")]
+    probes: Annotated[tuple[ProbeSummary, ...], NUMBER.of("Probes x and y")]
+    clipped: Annotated[
+        tuple[int, ...], NUMBER.of("Clipped samples of each channel in sampling order", "clipped_samples")
+    ]
+    snapshots: Annotated[int, NUMBER.of("Number of results")]
+    frames: Annotated[int, NUMBER.of("Number of results with an order spectrum")]
     tacho: TachoReport | None
     tacho_states: dict[str, int]
-    rows: tuple[SpeedRow, ...]
-    whirls: tuple[WhirlFinding, ...]
-    alarms: tuple[Alarm, ...] = ()
+    rows: Annotated[
+        tuple[SpeedRow, ...],
+        NUMBER.of("Amplitude, phase and overall vibration by rising speed, run-up and run-down separately", "by_speed"),
+    ]
+    whirls: Annotated[tuple[WhirlFinding, ...], NUMBER.of("Components below 1X in order of onset", "sub_synchronous")]
+    alarms: Annotated[tuple[Alarm, ...], NUMBER.of("Alarms: limits exceeded for the hold time, in order of time")] = ()
     runout: RunOut | None = None
     runout_settings: RunOutSettings = field(default_factory=RunOutSettings)
     tacho_reference: str = "samples"
     counter: CounterReport | None = None
 
     @property
-    def is_gap_free(self) -> bool:
+    def is_gap_free(self) -> Annotated[bool, NUMBER.of("Whether the run is one segment without lost samples")]:
         """Whether the run is one segment without lost samples."""
         return len(self.segments) == 1 and self.segments[0].is_gap_free
 
     @property
-    def largest_peak_to_peak(self) -> float:
+    def largest_peak_to_peak(self) -> Annotated[float, PEAK_TO_PEAK.of("Largest overall vibration of either probe")]:
         """Largest overall vibration of either probe, m peak-to-peak."""
         return max((probe.largest_peak_to_peak for probe in self.probes), default=0.0)
 
     @property
-    def severity(self) -> Severity:
+    def severity(
+        self,
+    ) -> Annotated[Severity, NUMBER.of("Severity of the largest overall vibration, regardless of the hold time")]:
         """Worst severity of the probes."""
         severities = (probe.severity for probe in self.probes)
         return max(severities, key=lambda severity: severity.rank, default=Severity.NORMAL)

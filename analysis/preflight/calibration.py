@@ -7,6 +7,7 @@ from numpy.polynomial import Polynomial
 
 from analysis.signals import FloatArray
 from analysis.signals.errors import CalibrationFitError
+from analysis.signals.uncertainty import MAD_TO_SIGMA
 from analysis.signals.units import MICROMETRE
 
 MIN_FREEDOM = 1  # points more than coefficients: a polynomial through every point has no residual
@@ -202,7 +203,7 @@ def find_state_levels(volts: FloatArray) -> SignalLevels | None:
     is_high = volts > 0.5 * (bottom + top)
     levels = [float(np.median(volts[part])) for part in (~is_high, is_high)]
     scatters = [
-        MAD_TO_RMS * float(np.median(np.abs(volts[part] - level)))
+        MAD_TO_SIGMA * float(np.median(np.abs(volts[part] - level)))
         for part, level in zip((~is_high, is_high), levels, strict=True)
     ]
     found = SignalLevels(levels[0], levels[1], max(scatters), float(np.mean(is_high)))

@@ -10,6 +10,7 @@ from analysis.resampling.angular_record import tacho_edges
 from analysis.signals import CodeArray, FloatArray, IntArray
 from analysis.signals.header import Acquisition, Channel, Edge, Tacho, TachoCounter
 from analysis.signals.snapshot import CounterReport, CounterState
+from analysis.signals.uncertainty import MAD_TO_SIGMA
 from analysis.signals.units import MICROSECOND, MILLISECOND, MILLIVOLT, RPM
 from analysis.tacho.edges import SETTLING_TIME, START_MARGIN, CounterComparison, edge_detector
 
@@ -86,7 +87,7 @@ class TachoSignal:
             return np.nan
         # Second differences cancel a steady acceleration; they have 6 times the variance of white scatter.
         differences = turns[2 * marks :] - 2.0 * turns[marks:-marks] + turns[: -2 * marks]
-        return float(1.4826 * np.median(np.abs(differences)) / np.sqrt(6.0) / np.median(turns) * marks)
+        return float(MAD_TO_SIGMA * np.median(np.abs(differences)) / np.sqrt(6.0) / np.median(turns) * marks)
 
 
 def tacho_checks(signal: TachoSignal, limits: WiringLimits, *, motion: bool) -> list[Check]:

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.preflight.calibration import MAD_TO_RMS, find_state_levels
+from analysis.preflight.calibration import find_state_levels
 from analysis.preflight.check_result import Check, Finding, Verdict, WiringLimits
 from analysis.preflight.tacho_checks import TachoSignal, tacho_checks
 from analysis.signals import CodeArray, FloatArray, IntArray
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
 from analysis.signals.probes import ProbePair
+from analysis.signals.uncertainty import MAD_TO_SIGMA
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.disturbances import LowFrequencySignal
 
@@ -110,7 +111,7 @@ def open_intervals(probe: ProbeSignal, rate: float) -> IntArray:
 
 def _robust_noise(codes: CodeArray) -> float:
     """Return the noise about the median, codes rms; insensitive to the edges of the interval."""
-    return MAD_TO_RMS * float(np.median(np.abs(codes - np.median(codes))))
+    return MAD_TO_SIGMA * float(np.median(np.abs(codes - np.median(codes))))
 
 
 def contact_check(probe: ProbeSignal, intervals: IntArray, rate: float) -> Check:

@@ -7,14 +7,14 @@ index over the sample rate. Arrays have channels first, samples last.
 import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 
 from analysis.signals import CodeArray, IntArray
 from analysis.signals.header import Acquisition
-from analysis.signals.units import RPM
+from analysis.signals.units import CLOCK_ERROR, NUMBER, RPM, SPEED, TIME
 
-PPM = 1e-6
 CONFIDENCE_SIGMAS = 2.0  # standard deviations
 GROUP_DURATION = 1.0  # s of samples averaged to one point, as delays within it are correlated
 MIN_GROUPS = 5
@@ -99,30 +99,14 @@ class EndReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class SegmentEnd:
-    """The end of a segment and the number of samples lost there.
+    """The end of a segment and the number of samples lost there."""
 
-    Parameters
-    ----------
-    segment : int
-        Number of the segment.
-    samples : int
-        Samples per channel that the segment delivered.
-    reason : EndReason
-        Reason for the end.
-    lost : int
-        Samples per channel known to be lost after its last sample; 0 where none were lost.
-    lost_is_exact : bool
-        False where ``lost`` is only a lower bound.
-    detail : str
-        Message and code of the driver, for the operator; empty without an error.
-    """
-
-    segment: int
-    samples: int
-    reason: EndReason
-    lost: int = 0
-    lost_is_exact: bool = True
-    detail: str = ""
+    segment: Annotated[int, NUMBER.of("Number of the segment, from 0")]
+    samples: Annotated[int, NUMBER.of("Samples per channel that the segment delivered")]
+    reason: Annotated[EndReason, NUMBER.of("Reason of the end", "end_reason")]
+    lost: Annotated[int, NUMBER.of("Lost samples per channel after the last one", "lost_samples")] = 0
+    lost_is_exact: Annotated[bool, NUMBER.of("False where the number of lost samples is a lower bound")] = True
+    detail: Annotated[str, NUMBER.of("Message and code of the driver; empty without an error")] = ""
 
     @property
     def is_gap_free(self) -> bool:
@@ -135,37 +119,26 @@ SourceItem = SampleBlock | SegmentEnd
 
 @dataclass(frozen=True, slots=True)
 class TimeInRun:
-    """A time within a run, with the shaft speed at that time.
+    """A time within a run, with the shaft speed at that time."""
 
-    Parameters
-    ----------
-    segment : int
-        Segment of the run.
-    time : float
-        Time in that segment, s. For an order frame: its middle.
-    speed : float
-        Shaft speed, rad/s; NaN where unknown.
-    """
-
-    segment: int
-    time: float
-    speed: float
+    segment: Annotated[int, NUMBER.of("Gap-free stretch of the run, from 0")]
+    time: Annotated[float, TIME.of("Sample time in that segment; of an order frame: its middle")]
+    speed: Annotated[float, SPEED.of("Shaft speed there; unknown without tacho pulses")]
 
 
 @dataclass(frozen=True, slots=True)
 class ClockError:
-    """Relative error of the card's sample clock against the host clock.
+    """Relative error of the card's sample clock against the host clock."""
 
-    Parameters
-    ----------
-    error : float
-        Relative; positive where the card takes more samples per host second than its nominal rate.
-    uncertainty : float
-        Relative half width of the interval of about 95 % confidence, for a correct host clock and random delays.
-    """
-
-    error: float
-    uncertainty: float
+    error: Annotated[
+        float,
+        CLOCK_ERROR.of(
+            "Error of the card's clock against the computer's; positive where the card is fast", "clock_error"
+        ),
+    ]
+    uncertainty: Annotated[
+        float, CLOCK_ERROR.of("Half width of the 95 % interval of the clock error", "clock_uncertainty")
+    ]
 
 
 @dataclass(slots=True)
@@ -253,15 +226,16 @@ class DeliveryStatistics:
     ----------
     clock : ClockError or None
         Clock error of the card; None where it could not be determined.
-    backlog : float or None
-        Largest backlog in the device after a block was read, s of samples; None where unknown.
-    buffer : float or None
-        Size of the device buffer, s of samples; None where unknown.
     """
 
     clock: ClockError | None = None
-    backlog: float | None = None
-    buffer: float | None = None
+    backlog: Annotated[
+        float | None,
+        TIME.of("Longest time that samples waited in the card's buffer; unknown without a card", "largest_backlog"),
+    ] = None
+    buffer: Annotated[
+        float | None, TIME.of("Capacity of the card's buffer; a larger backlog loses samples; unknown without a card")
+    ] = None
 
 
 class DeliveryMonitor:

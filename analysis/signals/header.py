@@ -5,10 +5,12 @@ Contains everything that turns recorded converter codes into metres, speed and p
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 
 from analysis.signals import CodeArray, FloatArray
+from analysis.signals.units import LENGTH, PEAK, PEAK_TO_PEAK, SPEED
 
 CODE_MIN, CODE_MAX = -32768, 32767
 
@@ -325,39 +327,37 @@ class Limits:
 
     Parameters
     ----------
-    peak_to_peak_alarm, peak_to_peak_danger : float
-        Overall vibration at either probe, m peak-to-peak.
-    clearance : float
-        Radius of the clearance circle, m.
-    speed : float
-        Highest speed of the rig, rad/s: the end of the plots' and the prediction's speed axis; raises no alarm.
     hysteresis : float
         Fraction of a limit by which a value must fall below it before the alarm ends, 0 to below 1.
     hold : float
         Time that vibration must exceed its limit before the alarm, s; a speed alarm comes immediately.
     latch : bool
         Whether an alarm stays visible until it is acknowledged.
-    order_1x_alarm, order_1x_danger : float
-        1X at either probe as measured, m peak; infinite where not monitored, also for the limits below.
-    below_1x_alarm, below_1x_danger : float
-        Sum of the amplitudes of all components below 1X at either probe, m peak.
-    speed_alarm, speed_danger : float
-        Shaft speed, rad/s.
     """
 
-    peak_to_peak_alarm: float
-    peak_to_peak_danger: float
-    clearance: float
-    speed: float
+    peak_to_peak_alarm: Annotated[float, PEAK_TO_PEAK.of("Alarm limit of overall vibration at either probe")]
+    peak_to_peak_danger: Annotated[float, PEAK_TO_PEAK.of("Danger limit of overall vibration at either probe")]
+    clearance: Annotated[float, LENGTH.of("Radius of the clearance circle")]
+    speed: Annotated[float, SPEED.of("Highest speed of the rig: the end of speed axes; raises no alarm")]
     hysteresis: float = 0.05
     hold: float = 1.0
     latch: bool = True
-    order_1x_alarm: float = np.inf
-    order_1x_danger: float = np.inf
-    below_1x_alarm: float = np.inf
-    below_1x_danger: float = np.inf
-    speed_alarm: float = np.inf
-    speed_danger: float = np.inf
+    order_1x_alarm: Annotated[
+        float,
+        PEAK.of("Alarm limit of 1X at either probe, as measured; unknown where not monitored", "order_1x_peak_alarm"),
+    ] = np.inf
+    order_1x_danger: Annotated[float, PEAK.of("Danger limit of it", "order_1x_peak_danger")] = np.inf
+    below_1x_alarm: Annotated[
+        float,
+        PEAK.of(
+            "Alarm limit of the sum of amplitudes of all components below 1X at either probe; "
+            "unknown where not monitored",
+            "below_1x_peak_alarm",
+        ),
+    ] = np.inf
+    below_1x_danger: Annotated[float, PEAK.of("Danger limit of it", "below_1x_peak_danger")] = np.inf
+    speed_alarm: Annotated[float, SPEED.of("Alarm limit of the speed; unknown where not monitored")] = np.inf
+    speed_danger: Annotated[float, SPEED.of("Danger limit of the speed")] = np.inf
 
     def clearance_fraction(self, peak_to_peak: float) -> float:
         """Return an overall vibration, m peak-to-peak, over the diameter of the clearance circle."""

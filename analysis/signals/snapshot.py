@@ -7,12 +7,23 @@ operators are the *lag*, -arg(X), in degrees. Amplitudes are zero-to-peak unless
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated, Self
 
 import numpy as np
 
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.uncertainty import phase_sigma
-from analysis.signals.units import MICROSECOND
+from analysis.signals.units import (
+    ACCELERATION,
+    LENGTH,
+    MICROSECOND,
+    NUMBER,
+    PEAK,
+    PEAK_TO_PEAK,
+    SHORT_TIME,
+    SPEED,
+    TIME,
+)
 
 RECENT_TIME = 10.0  # s: span of the recent counts
 
@@ -28,30 +39,20 @@ class TachoState(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TachoReport:
-    """Present state of the tacho and its pulse counts since the start of the run.
+    """Present state of the tacho and its pulse counts since the start of the run."""
 
-    Parameters
-    ----------
-    state : TachoState
-        State over the last update interval.
-    pulses : int
-        Accepted pulses.
-    filled : int
-        Missing pulses that were filled in.
-    rejected : int
-        Edges rejected as doubles or noise.
-    jitter : float
-        Robust scatter (1.4826 MAD) of the edges about the smooth angle, s; NaN without an angle.
-    phase_reference_is_arbitrary : bool
-        Whether theta = 0 is the first mark seen of several indistinguishable ones: phases hold within a train only.
-    """
-
-    state: TachoState
-    pulses: int
-    filled: int
-    rejected: int
-    jitter: float
-    phase_reference_is_arbitrary: bool = False
+    state: Annotated[TachoState, NUMBER.of("State over the last update interval")]
+    pulses: Annotated[int, NUMBER.of("Pulses accepted")]
+    filled: Annotated[int, NUMBER.of("Missing pulses that were filled in")]
+    rejected: Annotated[int, NUMBER.of("Edges rejected as doubles or noise")]
+    jitter: Annotated[float, SHORT_TIME.of("Robust scatter (1.4826 MAD) of the edges about the smooth angle")]
+    phase_reference_is_arbitrary: Annotated[
+        bool,
+        NUMBER.of(
+            "Whether several keyphasor marks are indistinguishable; phases then refer to the first one of each "
+            "pulse train and cannot be compared between trains or runs"
+        ),
+    ] = False
 
 
 class CounterState(StrEnum):
@@ -73,36 +74,24 @@ class CounterReport:
     ----------
     is_working : bool
         Whether the counter still delivers timestamps.
-    compared : int
-        Edges found by both.
-    missing : int
-        Edges of the waveform without a timestamp.
-    extra : int
-        Timestamps without an edge in the waveform.
-    out_of_tolerance : int
-        Edges found by both whose times differ by more than the configured tolerance.
-    mean_difference : float
-        Mean time of the counter minus that of the waveform, s; NaN where none were compared.
-    largest_difference : float
-        Largest time difference, s; NaN where none were compared.
-    recent : int
-        Edges of either that were compared in the last `RECENT_TIME` s.
-    recent_mismatches : int
-        Of those: missing, extra or out of tolerance.
     """
 
     is_working: bool
-    compared: int
-    missing: int
-    extra: int
-    out_of_tolerance: int
-    mean_difference: float
-    largest_difference: float
-    recent: int = 0
-    recent_mismatches: int = 0
+    compared: Annotated[int, NUMBER.of("Edges found by both")]
+    missing: Annotated[int, NUMBER.of("Edges of the waveform without a time stamp of the counter")]
+    extra: Annotated[int, NUMBER.of("Time stamps without an edge of the waveform")]
+    out_of_tolerance: Annotated[int, NUMBER.of("Edges with a time difference above the limit of the rig file")]
+    mean_difference: Annotated[
+        float, SHORT_TIME.of("Mean time of the counter minus that of the waveform; unknown where none were compared")
+    ]
+    largest_difference: Annotated[float, SHORT_TIME.of("Largest magnitude of the time difference")]
+    recent: Annotated[int, NUMBER.of(f"Edges found by either in the last {RECENT_TIME:g} s")] = 0
+    recent_mismatches: Annotated[
+        int, NUMBER.of(f"Edges of the last {RECENT_TIME:g} s that are missing, extra or out of tolerance")
+    ] = 0
 
     @property
-    def state(self) -> CounterState:
+    def state(self) -> Annotated[CounterState, NUMBER.of("Verdict of the comparison")]:
         """State of the comparison."""
         if not self.is_working:
             return CounterState.FAILED
@@ -111,7 +100,9 @@ class CounterReport:
         return CounterState.TIMES_DIFFER if self.out_of_tolerance else CounterState.AGREES
 
     @property
-    def message(self) -> str:
+    def message(
+        self,
+    ) -> Annotated[str, NUMBER.of("Disagreement over the whole run, for the operator; empty where both agree")]:
         """Message for the operator; empty where both agree."""
         messages = {
             CounterState.FAILED: ["the counter delivers no more timestamps: speed and phase use the samples"],
@@ -130,12 +121,28 @@ class CounterReport:
         return " and ".join(messages.get(self.state, []))
 
     @property
-    def recent_message(self) -> str:
+    def recent_message(
+        self,
+    ) -> Annotated[
+        str, NUMBER.of(f"Disagreement in the last {RECENT_TIME:g} s; empty where both agree or the counter has failed")
+    ]:
         """Mismatches in the last `RECENT_TIME` s; empty where both agree or the counter has failed."""
         if self.state in {CounterState.AGREES, CounterState.FAILED}:
             return ""
         how_many = f"{self.recent_mismatches:,} of {self.recent:,}" if self.recent_mismatches else "none"
         return f"{how_many} in the last {RECENT_TIME:g} s"
+
+
+class WhirlDirection(StrEnum):
+    """Sense of a whirl relative to the rotation."""
+
+    FORWARD = "forward"  # with the shaft
+    BACKWARD = "backward"
+
+    @classmethod
+    def of(cls, *, is_forward: bool) -> Self:
+        """Return the sense of a whirl."""
+        return cls.FORWARD if is_forward else cls.BACKWARD
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,27 +151,30 @@ class Whirl:
 
     Parameters
     ----------
-    order : float
-        Frequency over shaft frequency.
     forward, backward : float
         Amplitudes of its forward and backward circles, m peak; the half axes are their sum and difference.
     vectors : ndarray of complex128, shape (2,)
         Peak amplitude and phase at the probes x and y, m (phases only meaningful relative to each other).
-    order_sigma : float
-        Standard deviation of the order, from the noise floor; NaN in older files.
-    sigma : float
-        Standard deviation of the amplitude, from the noise floor, m peak; NaN in older files.
     """
 
-    order: float
+    order: Annotated[float, NUMBER.of("Frequency over shaft frequency")]
     forward: float
     backward: float
     vectors: ComplexArray
-    order_sigma: float = math.nan
-    sigma: float = math.nan
+    order_sigma: Annotated[float, NUMBER.of("Standard deviation of the order, from the noise between the lines")] = (
+        math.nan
+    )
+    sigma: Annotated[
+        float, LENGTH.of("Standard deviation of the amplitude, from the noise between the lines", "amplitude_sigma")
+    ] = math.nan
 
     @property
-    def amplitude(self) -> float:
+    def direction(self) -> Annotated[WhirlDirection, NUMBER.of("Sense of the whirl relative to the rotation")]:
+        """Sense of the whirl."""
+        return WhirlDirection.of(is_forward=self.is_forward)
+
+    @property
+    def amplitude(self) -> Annotated[float, PEAK.of("Half the major axis of the ellipse", "amplitude_peak")]:
         """Half the major axis of its ellipse, m peak."""
         return self.forward + self.backward
 
@@ -202,18 +212,12 @@ class OrderFrame:
 
     Parameters
     ----------
-    speed : float
-        Mean shaft speed over the frame, rad/s.
-    acceleration : float
-        Mean rate of change of speed over the frame, rad/s².
     orders : ndarray of float64, shape (n_orders,)
         Order axis, from 0, step 1 / revolutions.
     spectrum : ndarray of complex128, shape (2, n_orders)
         Order spectrum at x and y with the window of the settings, m peak, phase referred to theta = 0.
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, at x and y, m peak.
-    noise : float
-        Noise floor of the order spectrum between the whole orders, m peak (median over orders and probes).
     whirls : tuple of Whirl
         Sub-synchronous components above the noise floor, the strongest first; older files hold one at most.
     orbit : ndarray of float64, shape (2, n_points)
@@ -230,12 +234,17 @@ class OrderFrame:
         Orbit minus run-out; None where not requested or unknown.
     """
 
-    speed: float
-    acceleration: float
+    speed: Annotated[float, SPEED.of("Mean shaft speed over the frame")]
+    acceleration: Annotated[float, ACCELERATION.of("Mean rate of change of speed over the frame")]
     orders: FloatArray
     spectrum: ComplexArray
     vectors: ComplexArray
-    noise: float
+    noise: Annotated[
+        float,
+        PEAK.of(
+            "Noise floor of the order spectrum between the whole orders (median over orders and probes)", "noise_peak"
+        ),
+    ]
     whirls: tuple[Whirl, ...]
     orbit: FloatArray
     sigma: FloatArray = field(default_factory=lambda: np.full(2, np.nan))
@@ -313,14 +322,6 @@ class Snapshot:
 
     Parameters
     ----------
-    segment : int
-        Segment of the run.
-    sample : int
-        Index one past the last sample used.
-    time : float
-        ``sample / rate``, s in the segment.
-    speed : float
-        Shaft speed over the last revolutions, rad/s; NaN without valid tacho pulses.
     tacho : TachoReport
         State and pulse counts of the tacho.
     gap_volts : ndarray of float64, shape (2,)
@@ -343,14 +344,14 @@ class Snapshot:
         Comparison of the tacho counter with the waveform; None without a counter.
     """
 
-    segment: int
-    sample: int
-    time: float
-    speed: float
+    segment: Annotated[int, NUMBER.of("Gap-free stretch of the run, from 0")]
+    sample: Annotated[int, NUMBER.of("Index in the segment, one past the last sample used")]
+    time: Annotated[float, TIME.of("Sample time in the segment")]
+    speed: Annotated[float, SPEED.of("Shaft speed over the last revolutions; unknown without tacho pulses")]
     tacho: TachoReport
     gap_volts: FloatArray
     gap_in_window: BoolArray
-    peak_to_peak: FloatArray
+    peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Overall vibration", at_probes=True)]
     clipped: IntArray
     frame: OrderFrame | None
     trace: Trace

@@ -5,10 +5,11 @@ secondary sources, given in `StandardLimit.source`. Read the standard itself bef
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from analysis.signals.units import MICROMETRE, RPM
+from analysis.signals.units import MICROMETRE, NUMBER, PEAK_TO_PEAK, RPM
 
 ISO_SPEED_RANGE = (120.0, 30_000.0)  # r/min, in the title of ISO 20816-3:2022
 ISO_ZONES = (("A/B", 4800.0), ("B/C", 9000.0), ("C/D", 13_200.0))  # um peak-to-peak times the root of r/min
@@ -34,24 +35,19 @@ class StandardLimit:
 
     Parameters
     ----------
-    standard, name : str
-        Standard, and name of the limit in it.
-    limit : float
-        Overall vibration, m peak-to-peak; NaN where the speed is out of scope.
-    scope : str
-        Machines that the limit is meant for.
     in_scope : bool
         Whether the speed is in scope; a turbocharger never is.
-    source : str
-        Secondary source of the number.
     """
 
-    standard: str
-    name: str
-    limit: float
-    scope: str
+    standard: Annotated[str, NUMBER.of("Name of the standard")]
+    name: Annotated[str, NUMBER.of("Name of the limit in the standard")]
+    limit: Annotated[
+        float,
+        PEAK_TO_PEAK.of("Limit of overall vibration; unknown where the speed is out of scope", "limit_peak_to_peak"),
+    ]
+    scope: Annotated[str, NUMBER.of("Machines that the standard covers")]
     in_scope: bool
-    source: str
+    source: Annotated[str, NUMBER.of("Secondary source of the limit")]
 
 
 def standard_limits(speed: float) -> tuple[StandardLimit, ...]:

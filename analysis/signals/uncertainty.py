@@ -9,6 +9,7 @@ import numpy as np
 
 from analysis.signals import FloatArray
 
+MAD_TO_SIGMA = 1.4826  # standard deviation of normal noise over its median absolute deviation
 RAYLEIGH_MEDIAN = float(np.sqrt(2.0 * np.log(2.0)))  # over the standard deviation of the real or imaginary part
 
 

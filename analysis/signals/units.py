@@ -1,21 +1,145 @@
-"""Units as their value in SI, and the phase lag of a vector in degrees.
+"""Units as their value in SI, quantities as interfaces show them, and the phase lag of a vector in degrees.
 
 ``value / UNIT`` converts from SI to the unit, ``value * UNIT`` from the unit to SI: ``speed / RPM`` is in r/min.
+
+A result is a dataclass in SI whose fields, and properties, are annotated with a `Quantity`:
+``speed: Annotated[float, SPEED.of("Mean shaft speed")]``. Schemas, tables, axis labels and docs take name, unit,
+conversion and description from there (`readings`).
 """
 
-from typing import overload
+import math
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any, get_type_hints, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from analysis.signals import ComplexArray, FloatArray
+
 RPM = 2.0 * np.pi / 60.0  # rad/s in 1 r/min; also rad/s² in 1 r/min per s
 MILLIMETRE = 1e-3  # m
 MICROMETRE = 1e-6  # m
 MILLISECOND = 1e-3  # s
 MICROSECOND = 1e-6  # s
 MILLIVOLT = 1e-3  # V
+PPM = 1e-6
+DEGREE = math.pi / 180.0  # rad
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity as interfaces show it.
+
+    Parameters
+    ----------
+    unit : str
+        Displayed unit; empty for dimensionless quantities, counts and texts.
+    suffix : str
+        Suffix of its names, such as "um"; empty: none.
+    scale : float
+        Value of the unit in SI.
+    description : str
+        What it is, for operators: "unknown" stands for NaN and None.
+    name : str
+        Name without suffix; empty: that of the field.
+    at_probes : bool
+        Whether the values are those at the probes x and y, shown under two names.
+    """
+
+    unit: str = ""
+    suffix: str = ""
+    scale: float = 1.0
+    description: str = ""
+    name: str = ""
+    at_probes: bool = False
+
+    def of(self, description: str, name: str = "", *, at_probes: bool = False) -> "Quantity":
+        """Return the quantity with a description and a name."""
+        return replace(self, description=description, name=name, at_probes=at_probes)
+
+    @property
+    def text(self) -> str:
+        """Unit and description, separated by a colon."""
+        return f"{self.unit}: {self.description}" if self.unit else self.description
+
+    @property
+    def sentence(self) -> str:
+        """Description with the unit at the end of its first clause."""
+        head, separator, rest = self.description.partition(";")
+        return f"{head}, {self.unit}{separator}{rest}" if self.unit else self.description
+
+    def shown(self, value: Any) -> Any:
+        """Return a value, or an array, in SI in the displayed unit."""
+        return value if self.scale == 1.0 or value is None else value / self.scale
+
+
+SPEED = Quantity("r/min", "rpm", RPM)
+ACCELERATION = Quantity("r/min per s", "rpm_per_s", RPM)
+LENGTH = Quantity("µm", "um", MICROMETRE)
+PEAK = Quantity("µm zero-to-peak", "um", MICROMETRE)
+PEAK_TO_PEAK = Quantity("µm peak-to-peak", "um", MICROMETRE)
+RMS = Quantity("µm RMS", "um", MICROMETRE)
+ANGLE = Quantity("degrees", "deg", DEGREE)
+LAG = Quantity("degrees", "deg")  # values of `phase_lag_degrees`
+TIME = Quantity("s", "s")
+SHORT_TIME = Quantity("µs", "us", MICROSECOND)
+FREQUENCY = Quantity("Hz", "hz")
+RATE = Quantity("1/s", "per_s")
+VOLTAGE = Quantity("V", "v")
+CLOCK_ERROR = Quantity("ppm", "ppm", PPM)
+NUMBER = Quantity()  # dimensionless, a count or a text
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """How to read a value of a result.
+
+    Parameters
+    ----------
+    attribute : str
+        Field or property of the result.
+    probe : int or None
+        Index of the probe; None: the whole value.
+    quantity : Quantity
+        Its quantity.
+    """
+
+    attribute: str
+    probe: int | None
+    quantity: Quantity
+
+    def shown(self, result: object) -> Any:
+        """Return the value in the displayed unit."""
+        value = getattr(result, self.attribute)
+        return self.quantity.shown(value if self.probe is None else value[self.probe])
+
+
+@cache
+def readings(result: type) -> dict[str, Reading]:
+    """Return how to read the annotated fields and properties of a class of results, by their names at interfaces."""
+    hints = get_type_hints(result, include_extras=True)
+    for name in dir(result):
+        getter = getattr(getattr(result, name), "fget", None)
+        if getter is not None:
+            hints[name] = get_type_hints(getter, include_extras=True).get("return")
+    found: dict[str, Reading] = {}
+    for attribute, hint in hints.items():
+        for quantity in getattr(hint, "__metadata__", ()):
+            if isinstance(quantity, Quantity):
+                found |= _named(attribute, quantity)
+    return found
+
+
+def _named(attribute: str, quantity: Quantity) -> dict[str, Reading]:
+    name, suffix = quantity.name or attribute, quantity.suffix and f"_{quantity.suffix}"
+    if not quantity.at_probes:
+        return {f"{name}{suffix}": Reading(attribute, None, quantity)}
+    return {
+        f"{name}_{probe}{suffix}": Reading(
+            attribute, row, replace(quantity, description=f"{quantity.description} at probe {probe}")
+        )
+        for row, probe in enumerate("xy")
+    }
 
 
 @overload

@@ -11,13 +11,13 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 
 from analysis.signals import BoolArray, FloatArray, IntArray
 from analysis.signals.errors import AmbiguousTachoError, RecordTooShortError
+from analysis.signals.uncertainty import MAD_TO_SIGMA
 from analysis.tacho.pulse_record import PulseRecord
 
 DEGREE = 3
 MAX_KNOT_REVOLUTIONS = 8.0  # revolutions between knots: pulses averaged by one piece of the spline
 MIN_KNOT_REVOLUTIONS = 3.0
 KNOT_TIME = 0.08  # s between knots at low speed, to resolve speed fluctuations
-MAD_TO_SIGMA = 1.4826  # of a normal distribution
 OUTLIER_SIGMAS, OUTLIER_REVOLUTIONS = 6.0, 0.01  # times the scatter, and revolutions: pulses further off are rejected
 MAX_SPLINE_ERROR = 3e-6  # revolutions, of the spline at a steady acceleration: 0.001 degrees
 MIN_REVOLUTIONS = 4

@@ -6,7 +6,8 @@ import numpy as np
 
 from analysis.signals import BoolArray, FloatArray
 from analysis.signals.probes import require_displacement
-from analysis.tacho.shaft_angle import MAD_TO_SIGMA, ShaftAngle
+from analysis.signals.uncertainty import MAD_TO_SIGMA
+from analysis.tacho.shaft_angle import ShaftAngle
 
 LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # revolutions with which a sample is compared
 THRESHOLD = 6.0  # times the scatter of these revolutions at that angle

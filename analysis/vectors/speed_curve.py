@@ -3,13 +3,14 @@
 from collections import defaultdict
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Annotated
 
 import numpy as np
 
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.blocks import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OrderFrame, Snapshot
-from analysis.signals.units import RPM
+from analysis.signals.units import NUMBER, PEAK, PEAK_TO_PEAK, RPM, SPEED
 from analysis.spectra.windows import HANN
 from analysis.vectors.order_track import OrderTrack
 
@@ -190,40 +191,30 @@ class SpeedRow:
 
     Parameters
     ----------
-    direction : RampDirection
-        Whether the shaft was running up or down.
-    speed : float
-        Mean speed of the frames in the bin, rad/s.
-    frames : int
-        Number of frames.
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: complex mean of the kX vectors at x and y, m peak, x(t) = Re[X exp(i k theta)].
     scatter : ndarray of float64, shape (2, 2)
         Standard deviation of those vectors about their mean (modulus of the complex deviation), m peak.
-    peak_to_peak : ndarray of float64, shape (2,)
-        Mean overall peak-to-peak at x and y, m.
-    largest_peak_to_peak : ndarray of float64, shape (2,)
-        Largest overall peak-to-peak at x and y, m.
-    noise : float
-        Mean noise floor of the order spectra, m peak.
-    whirl_amplitude : float
-        Largest sub-synchronous amplitude, m peak; 0 without one.
-    whirl_order : float
-        Its order; NaN without one.
     compensated : ndarray of complex128, shape (2, 2)
         Complex mean of the kX vectors minus run-out, over the frames of known run-out; NaN without such frames.
     """
 
-    direction: RampDirection
-    speed: float
-    frames: int
+    direction: Annotated[RampDirection, NUMBER.of("Ramp direction of the shaft speed", "ramp_direction")]
+    speed: Annotated[float, SPEED.of("Mean shaft speed")]
+    frames: Annotated[int, NUMBER.of("Number of order spectra in the bin")]
     vectors: ComplexArray
     scatter: FloatArray
-    peak_to_peak: FloatArray
-    largest_peak_to_peak: FloatArray
-    noise: float
-    whirl_amplitude: float
-    whirl_order: float
+    peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Mean overall vibration", "mean_peak_to_peak", at_probes=True)]
+    largest_peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Largest overall vibration", at_probes=True)]
+    noise: Annotated[float, PEAK.of("Mean noise floor of the order spectra", "noise_peak")]
+    whirl_amplitude: Annotated[
+        float,
+        PEAK.of(
+            "Largest component below 1X, half the major axis of its ellipse; unknown without one above the noise",
+            "whirl_peak",
+        ),
+    ]
+    whirl_order: Annotated[float, NUMBER.of("Order of the largest component below 1X; unknown likewise")]
     compensated: ComplexArray
 
     @property
@@ -283,7 +274,7 @@ class _Bin:
             peak_to_peak=self.overall / self.overalls,
             largest_peak_to_peak=self.largest.copy(),
             noise=self.noise / self.frames,
-            whirl_amplitude=self.whirl_amplitude,
+            whirl_amplitude=self.whirl_amplitude or np.nan,
             whirl_order=self.whirl_order,
             compensated=self.compensated / self.compensated_frames if known else np.full((2, 2), np.nan + 0j),
         )

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from analysis.signals.blocks import RampDirection, TimeInRun
-from analysis.signals.snapshot import OrderFrame, Whirl
+from analysis.signals.snapshot import OrderFrame, Whirl, WhirlDirection
+from analysis.signals.units import NUMBER, PEAK, SPEED
 
 MAX_ORDER_CHANGE = 0.05  # orders, of a component from frame to frame
 MAX_ABSENCE = 0.5  # s without a component before it ends
@@ -20,56 +22,41 @@ class WhirlFinding:
 
     Parameters
     ----------
-    order : float
-        Frequency over shaft frequency, mean weighted with amplitude.
-    order_at_onset : float
-        The same over its first frames.
-    onset, end : TimeInRun
-        First and last frame that contain it.
-    amplitude : float
-        Largest amplitude, half the major axis of its ellipse, m peak.
-    largest_at : TimeInRun
-        Time of the largest amplitude.
     is_forward : bool
         Whether it precesses with the rotation, by the sum of its amplitudes.
-    frames : int
-        Number of frames that contain it.
-    onset_direction, end_direction : RampDirection
-        Ramp direction at its onset and at its end.
     """
 
-    order: float
-    order_at_onset: float
-    onset: TimeInRun
-    end: TimeInRun
-    amplitude: float
-    largest_at: TimeInRun
+    order: Annotated[float, NUMBER.of("Frequency over shaft frequency, amplitude-weighted mean")]
+    order_at_onset: Annotated[float, NUMBER.of("Frequency over shaft frequency in the first results", "order_at_begin")]
+    onset: Annotated[TimeInRun, NUMBER.of("First result with the component", "begin")]
+    end: Annotated[TimeInRun, NUMBER.of("Last result with the component")]
+    amplitude: Annotated[float, PEAK.of("Largest amplitude, half the major axis of the ellipse", "largest_peak")]
+    largest_at: Annotated[TimeInRun, NUMBER.of("Time of the largest amplitude")]
     is_forward: bool
-    frames: int
-    onset_direction: RampDirection = RampDirection.RUN_UP
-    end_direction: RampDirection = RampDirection.RUN_UP
+    frames: Annotated[int, NUMBER.of("Number of order spectra with the component")]
+    onset_direction: Annotated[RampDirection, NUMBER.of("Ramp direction at the onset", "begin_ramp_direction")] = (
+        RampDirection.RUN_UP
+    )
+    end_direction: Annotated[RampDirection, NUMBER.of("Ramp direction at the end", "end_ramp_direction")] = (
+        RampDirection.RUN_UP
+    )
+
+    @property
+    def direction(self) -> Annotated[WhirlDirection, NUMBER.of("Sense of the whirl relative to the rotation")]:
+        """Sense of the whirl."""
+        return WhirlDirection.of(is_forward=self.is_forward)
 
 
 @dataclass(frozen=True, slots=True)
 class WhirlHysteresis:
-    """Speed hysteresis of a component between run-up and run-down.
+    """Speed hysteresis of a component between run-up and run-down."""
 
-    Parameters
-    ----------
-    order : float
-        Order at onset.
-    onset : float
-        Lowest onset speed of a run-up, rad/s.
-    end : float
-        Lowest end speed of a run-down, rad/s.
-    """
-
-    order: float
-    onset: float
-    end: float
+    order: Annotated[float, NUMBER.of("Frequency over shaft frequency at the onset")]
+    onset: Annotated[float, SPEED.of("Lowest onset speed on a run-up")]
+    end: Annotated[float, SPEED.of("Lowest end speed on a run-down")]
 
     @property
-    def width(self) -> float:
+    def width(self) -> Annotated[float, SPEED.of("Onset speed minus end speed; negative where the end was above")]:
         """Onset speed minus end speed, rad/s; negative where it ended at a higher speed."""
         return self.onset - self.end
 

@@ -18,7 +18,7 @@ from daq.config.rig import Rig
 from daq.config.schema import Backend, DeviceSection
 from daq.drivers.ni import FoundDevice, connected_devices
 from daq.errors import ConfigError
-from daq.schemas.checks import found_device_schema, invalid_rig_schema, preflight_schema, valid_rig_schema
+from daq.schemas.checks import FoundDeviceSchema, invalid_rig_schema, preflight_schema, valid_rig_schema
 from daq.session.preflight import PlannedRun, PreflightReport, disk_rate, run_preflight_checks
 from recordings.catalogue.catalogue import data_folder
 
@@ -68,7 +68,7 @@ def run_devices(args: argparse.Namespace) -> int:
     """List the connected devices; return the exit code."""
     devices = connected_devices(DeviceSection(backend=Backend.NIDAQMX, target=args.target or ""))
     if args.json:
-        print_json([found_device_schema(device) for device in devices])
+        print_json([FoundDeviceSchema.of(device) for device in devices])
     elif devices:
         print(devices[0].driver)
         for device in devices:

@@ -8,7 +8,7 @@ from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
 from daq.cli.progress import TerminalOutput
 from daq.cli.terminal import print_json
-from daq.schemas.runs import RunSchema, index_report_schema, run_schema
+from daq.schemas.runs import IndexReportSchema, RunSchema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
@@ -104,7 +104,7 @@ def run_index(args: argparse.Namespace) -> int:
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
     damaged = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
     if args.json:
-        print_json(index_report_schema(report))
+        print_json(IndexReportSchema.of(report))
     else:
         for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.missing)):
             for run_id in run_ids:

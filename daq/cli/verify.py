@@ -9,7 +9,7 @@ from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder
 from daq.cli.progress import TerminalOutput
 from daq.cli.runs import find_run
 from daq.cli.terminal import print_json, print_lines
-from daq.schemas.checks import recovery_schema, verification_schema
+from daq.schemas.checks import RecoverySchema, VerificationSchema
 from recordings.catalogue.catalogue import SUFFIX
 from recordings.integrity.recover import MissingSamples, recover
 from recordings.integrity.verify import Verdict, Verification, verify
@@ -38,7 +38,7 @@ def run_verify(args: argparse.Namespace) -> int:
     verification = verify(catalogue.path(run_id), partial(console.progress, f"verifying {run_id}"))
     console.done()
     if args.json:
-        print_json(verification_schema(verification))
+        print_json(VerificationSchema.of(verification))
     else:
         print_lines(_verification_lines(verification))
     return 0 if verification.verdict is Verdict.SOUND else INCOMPLETE
@@ -64,7 +64,7 @@ def run_recover(args: argparse.Namespace) -> int:
     target = Path(args.output) if args.output else source.with_name(f"{source.stem}-recovered{SUFFIX}")
     recovery = recover(source, target)
     if args.json:
-        print_json(recovery_schema(recovery))
+        print_json(RecoverySchema.of(recovery))
     else:
         print(
             f"{recovery.target}: {recovery.samples:,} samples per channel in {len(recovery.segments)} "

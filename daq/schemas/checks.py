@@ -6,17 +6,16 @@ from typing import Annotated
 from pydantic import Field
 
 from analysis.preflight.calibration import CalibrationFit, SignalLevels
-from analysis.preflight.check_result import Check, Finding, Verdict
+from analysis.preflight.check_result import Finding, Verdict
 from analysis.signals.header import Role, Tacho
 from daq.config.calibration import CalibrationRecord
 from daq.config.rig import Rig
-from daq.drivers.ni import FoundDevice
 from daq.errors import ConfigError
-from daq.schemas.runs import DeviceSchema, device_schema
-from daq.schemas.units import Schema, finite, micrometres
+from daq.schemas.runs import DeviceSchema
+from daq.schemas.units import Number, Schema, finite, micrometres
 from daq.session.preflight import PreflightReport
 from recordings.integrity import file_checks, verify
-from recordings.integrity.recover import Recovery
+from recordings.integrity.recover import MissingSamples, RecoveredSegment, Recovery
 
 
 class CalibratedPointSchema(Schema):
@@ -24,7 +23,7 @@ class CalibratedPointSchema(Schema):
 
     gap_um: float = Field(description="Gap set with the micrometer, µm")
     volts: float = Field(description="Mean output of the conditioner, V")
-    residual_um: float | None = Field(description="Gap of the polynomial minus that of the point, µm")
+    residual_um: Number = Field(description="Gap of the polynomial minus that of the point, µm")
 
 
 class GapCalibrationSchema(Schema):
@@ -33,21 +32,21 @@ class GapCalibrationSchema(Schema):
     channel: str = Field(description="Name of the probe", examples=["x"])
     file: str = Field(description="Calibration file that was written")
     coefficients_um: tuple[float, ...] = Field(description="gap = sum of coefficients_um[k] · volts**k, µm per V**k")
-    volts_low: float | None = Field(description="Lower end of the calibrated span, V")
-    volts_high: float | None = Field(description="Upper end of the calibrated span, V")
-    residual_um: float | None = Field(description="Largest deviation of a point, µm")
+    volts_low: Number = Field(description="Lower end of the calibrated span, V")
+    volts_high: Number = Field(description="Upper end of the calibrated span, V")
+    residual_um: Number = Field(description="Largest deviation of a point, µm")
     points: tuple[CalibratedPointSchema, ...] = Field(description="Points in order of measurement")
 
 
 class TachoCalibrationSchema(Schema):
     """Proposed switching levels of the tacho; null where its signal does not switch."""
 
-    level_low_v: float | None = Field(description="Lower level of the signal, V")
-    level_high_v: float | None = Field(description="Upper level of the signal, V")
-    noise_v: float | None = Field(description="Noise about the levels, V RMS")
-    duty_cycle: float | None = Field(description="Fraction of the time at the upper level, 0 to 1")
-    threshold_v: float | None = Field(description="Proposed middle of the switching levels, V")
-    hysteresis_v: float | None = Field(description="Proposed distance of the switching levels, V")
+    level_low_v: Number = Field(description="Lower level of the signal, V")
+    level_high_v: Number = Field(description="Upper level of the signal, V")
+    noise_v: Number = Field(description="Noise about the levels, V RMS")
+    duty_cycle: Number = Field(description="Fraction of the time at the upper level, 0 to 1")
+    threshold_v: Number = Field(description="Proposed middle of the switching levels, V")
+    hysteresis_v: Number = Field(description="Proposed distance of the switching levels, V")
     current_threshold_v: float = Field(description="Present value in the rig file, V")
     current_hysteresis_v: float = Field(description="Present value in the rig file, V")
 
@@ -102,32 +101,20 @@ class PreflightSchema(Schema):
     rig: str = Field(description="Name of the rig", examples=["gj90c"])
     verdict: Verdict = Field(description="Worst verdict of all checks; FAIL blocks a run")
     device: DeviceSchema | None = Field(description="Device that delivered the samples; null without one")
-    sample_rate_hz: float | None = Field(description="Actual samples per channel and second, Hz")
-    convert_rate_hz: float | None = Field(description="Convert clock of the multiplexer, Hz")
+    sample_rate_hz: Number = Field(description="Actual samples per channel and second, Hz")
+    convert_rate_hz: Number = Field(description="Convert clock of the multiplexer, Hz")
     checks: tuple[PreflightCheckSchema, ...] = Field(description="Checks in the order of an inspection")
 
 
 def preflight_schema(rig: str, found: PreflightReport) -> PreflightSchema:
     """Return the schema of a preflight of a rig."""
     acquisition = found.acquisition
-    return PreflightSchema(
+    return PreflightSchema.of(
+        found,
         rig=rig,
-        verdict=found.verdict,
-        device=None if acquisition is None else device_schema(acquisition.device),
+        device=None if acquisition is None else acquisition.device,
         sample_rate_hz=None if acquisition is None else acquisition.rate,
         convert_rate_hz=None if acquisition is None else acquisition.convert_rate,
-        checks=tuple(_check_schema(check) for check in found.checks),
-    )
-
-
-def _check_schema(check: Check) -> PreflightCheckSchema:
-    return PreflightCheckSchema(
-        name=check.name,
-        verdict=check.verdict,
-        finding=check.finding,
-        value=check.value,
-        limit=check.limit,
-        advice=check.advice,
     )
 
 
@@ -140,18 +127,6 @@ class FoundDeviceSchema(Schema):
     simulated: bool = Field(description="Whether the driver simulates the device")
     busy: bool | None = Field(description="Whether another acquisition uses the device; null where unknown")
     driver: str = Field(description="Name, version and host of the driver", examples=["NI-DAQmx 24.5.1"])
-
-
-def found_device_schema(device: FoundDevice) -> FoundDeviceSchema:
-    """Return the schema of a connected device."""
-    return FoundDeviceSchema(
-        name=device.name,
-        product=device.product,
-        serial=device.serial,
-        simulated=device.simulated,
-        busy=device.busy,
-        driver=device.driver,
-    )
 
 
 class CheckedChannelSchema(Schema):
@@ -171,12 +146,12 @@ class RigCheckSchema(Schema):
     faults: tuple[str, ...] = Field(description="All errors, with key, value and what was expected")
     rig: str | None = Field(description="Name of the rig", examples=["gj90c"])
     channels: tuple[CheckedChannelSchema, ...] = Field(description="Channels in sampling order")
-    sample_rate_hz: float | None = Field(description="Samples per channel and second that the card will use, Hz")
-    convert_rate_hz: float | None = Field(description="Expected convert clock of the multiplexer, Hz")
+    sample_rate_hz: Number = Field(description="Samples per channel and second that the card will use, Hz")
+    convert_rate_hz: Number = Field(description="Expected convert clock of the multiplexer, Hz")
     tacho_reference: str | None = Field(
         description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges'
     )
-    counter_resolution_ns: float | None = Field(description="Resolution of the time stamps, ns; null without a counter")
+    counter_resolution_ns: Number = Field(description="Resolution of the time stamps, ns; null without a counter")
     disk_bytes_per_hour: Annotated[int, Field(ge=0)] | None = Field(
         description="Upper limit of the data rate of a run, bytes per hour"
     )
@@ -219,97 +194,53 @@ def valid_rig_schema(rig: Rig, *, rate: float, convert_rate: float, disk_rate: f
     )
 
 
-class VerificationFindingSchema(Schema):
+class VerificationFindingSchema(Schema, of=(file_checks.Finding,)):
     """A finding of a verification."""
 
-    check: file_checks.Check
-    location: str
-    description: str
-    is_fault: bool
+    check: file_checks.Check = Field()
+    location: str = Field()
+    description: str = Field()
+    is_fault: bool = Field()
 
 
-class VerificationSchema(Schema):
+class VerificationSchema(Schema, of=(verify.Verification,)):
     """Result of verifying a recording's file."""
 
-    run: str
-    path: str
-    verdict: verify.Verdict
-    size_bytes: int
-    chunks: int
-    segments: int
-    samples: int
-    pulses: int
-    findings: list[VerificationFindingSchema]
+    run: str = Field()
+    path: str = Field()
+    verdict: verify.Verdict = Field()
+    size_bytes: int = Field()
+    chunks: int = Field()
+    segments: int = Field()
+    samples: int = Field()
+    pulses: int = Field()
+    findings: list[VerificationFindingSchema] = Field()
 
 
-class MissingSamplesSchema(Schema):
+class MissingSamplesSchema(Schema, of=(MissingSamples,)):
     """Samples of a segment that were not recovered; null where the end of the segment is unknown."""
 
-    segment: int
-    first_sample: int
-    stop_sample: int | None
-    samples: int | None
+    segment: int = Field()
+    first_sample: int = Field()
+    stop_sample: int | None = Field()
+    samples: int | None = Field()
 
 
-class RecoveredSegmentSchema(Schema):
+class RecoveredSegmentSchema(Schema, of=(RecoveredSegment,)):
     """A segment of the copy and the position of its samples in the damaged recording."""
 
-    segment: int
-    from_segment: int
-    first_sample: int
-    stop_sample: int
+    segment: int = Field()
+    from_segment: int = Field()
+    first_sample: int = Field()
+    stop_sample: int = Field()
 
 
-class RecoverySchema(Schema):
+class RecoverySchema(Schema, of=(Recovery,)):
     """Result of a recovery."""
 
-    source: str
-    target: str
-    samples: int
-    damaged_chunks: int
-    segments: list[RecoveredSegmentSchema]
-    missing: list[MissingSamplesSchema]
-
-
-def verification_schema(verification: verify.Verification) -> VerificationSchema:
-    """Return the schema of a verification."""
-    return VerificationSchema(
-        run=verification.run,
-        path=str(verification.path),
-        verdict=verification.verdict,
-        size_bytes=verification.size,
-        chunks=verification.chunks,
-        segments=verification.segments,
-        samples=verification.samples,
-        pulses=verification.pulses,
-        findings=[_finding(finding) for finding in verification.findings],
-    )
-
-
-def recovery_schema(recovery: Recovery) -> RecoverySchema:
-    """Return the schema of a recovery."""
-    return RecoverySchema(
-        source=str(recovery.source),
-        target=str(recovery.target),
-        samples=recovery.samples,
-        damaged_chunks=recovery.damaged_chunks,
-        segments=[
-            RecoveredSegmentSchema(
-                segment=segment.segment,
-                from_segment=segment.from_segment,
-                first_sample=segment.first,
-                stop_sample=segment.stop,
-            )
-            for segment in recovery.segments
-        ],
-        missing=[
-            MissingSamplesSchema(segment=gap.segment, first_sample=gap.first, stop_sample=gap.stop, samples=gap.samples)
-            for gap in recovery.missing
-        ],
-    )
-
-
-def _finding(finding: file_checks.Finding) -> VerificationFindingSchema:
-    return VerificationFindingSchema(
-        check=finding.check, location=finding.where, description=finding.what, is_fault=finding.is_fault
-    )
+    source: str = Field()
+    target: str = Field()
+    samples: int = Field()
+    damaged_chunks: int = Field()
+    segments: list[RecoveredSegmentSchema] = Field()
+    missing: list[MissingSamplesSchema] = Field()

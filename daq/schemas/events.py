@@ -8,22 +8,17 @@ from pydantic import BaseModel, ConfigDict, Field
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Severity
-from daq.schemas.units import Schema, finite, micrometres, rpm, utc_time
+from daq.schemas.units import Count, Number, Schema, finite, micrometres, rpm, utc_time
 from daq.session.live_update import TimedMarker, alarm_name, alarm_value_text
 from recordings.mcap.results import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, MarkerKind
 
 
-class TimeInRunSchema(Schema):
+class TimeInRunSchema(Schema, of=(TimeInRun,)):
     """A time in a run and the shaft speed at that time."""
 
-    segment: int = Field(description="Gap-free stretch of the run, from 0", examples=[0], ge=0)
-    time_s: float = Field(description="Sample time in that segment, s", examples=[98.4])
-    speed_rpm: float | None = Field(description="Shaft speed there, r/min; null where unknown", examples=[10_980.0])
-
-
-def time_in_run_schema(time: TimeInRun) -> TimeInRunSchema:
-    """Return the schema of a time in a run."""
-    return TimeInRunSchema(segment=time.segment, time_s=finite(time.time) or 0.0, speed_rpm=rpm(time.speed))
+    segment: Count = Field(examples=[0])
+    time_s: float = Field(examples=[98.4])
+    speed_rpm: Number = Field(examples=[10_980.0])
 
 
 class MarkerSchema(Schema):
@@ -34,7 +29,7 @@ class MarkerSchema(Schema):
     )
     text: str = Field(description="Text of the marker", examples=["knocking begins"])
     segment: int = Field(description="Gap-free stretch of the run, from 0", examples=[0], ge=0)
-    time_s: float | None = Field(
+    time_s: Number = Field(
         description="Sample time in the segment, s, accurate to a block plus the card's backlog", examples=[12.3]
     )
     marked_at: datetime = Field(description="Wall clock of the host, UTC", examples=["2026-11-24T09:12:19.550000Z"])
@@ -43,7 +38,7 @@ class MarkerSchema(Schema):
 class LiveMarkerSchema(MarkerSchema):
     """A marker of the live run."""
 
-    elapsed_s: float | None = Field(description="Sample time since the start of the run, s", examples=[12.3])
+    elapsed_s: Number = Field(description="Sample time since the start of the run, s", examples=[12.3])
 
 
 class MarkerRequest(BaseModel):
@@ -58,58 +53,45 @@ class MarkerRequest(BaseModel):
 
 def marker_schema(marker: Marker, rate: float) -> MarkerSchema:
     """Return the schema of a marker at the run's sample rate, Hz."""
-    return MarkerSchema(
-        kind=marker.kind,
-        text=marker.text,
-        segment=marker.segment,
-        time_s=finite(marker.sample / rate),
-        marked_at=utc_time(marker.host_time_ns),
-    )
+    return MarkerSchema.of(marker, time_s=finite(marker.sample / rate), marked_at=utc_time(marker.host_time_ns))
 
 
 def live_marker_schema(placed: TimedMarker) -> LiveMarkerSchema:
     """Return the schema of a marker of the live run."""
-    return LiveMarkerSchema(
-        kind=placed.marker.kind,
-        text=placed.marker.text,
-        segment=placed.marker.segment,
+    return LiveMarkerSchema.of(
+        placed.marker,
         time_s=finite(placed.time),
         marked_at=utc_time(placed.marker.host_time_ns),
         elapsed_s=finite(placed.elapsed),
     )
 
 
-class AlarmSchema(Schema):
+class AlarmSchema(Schema, of=(Alarm,)):
     """An exceeded limit: by vibration for at least the rig's `limits.hold_s`, by speed at once."""
 
-    number: int = Field(description="Number in order of time, from 1", examples=[2], ge=1)
+    number: Annotated[int, Field(ge=1)] = Field(examples=[2])
     quantity: MonitoredQuantity = Field(
         description="Watched quantity: overall vibration, 1X, the sum of components below 1X, or speed. Limits and "
         "largest values in other units than its own are null",
         examples=["overall"],
     )
     probe: str | None = Field(description="The operator's name for the probe; null for the speed", examples=["x"])
-    severity: Severity = Field(description="Severity of the exceeded limit", examples=["danger"])
-    limit_peak_to_peak_um: float | None = Field(
+    severity: Severity = Field(examples=["danger"])
+    limit_peak_to_peak_um: Number = Field(
         description="Limit of the overall vibration, µm peak-to-peak", examples=[95.0]
     )
-    limit_peak_um: float | None = Field(
-        description="Limit of 1X, or of the components below 1X, µm peak", examples=[None]
-    )
-    limit_rpm: float | None = Field(description="Limit of the speed, r/min", examples=[None])
-    begin: TimeInRunSchema = Field(description="Start of the alarm")
-    largest_peak_to_peak_um: float | None = Field(
+    limit_peak_um: Number = Field(description="Limit of 1X, or of the components below 1X, µm peak", examples=[None])
+    limit_rpm: Number = Field(description="Limit of the speed, r/min", examples=[None])
+    begin: TimeInRunSchema = Field()
+    largest_peak_to_peak_um: Number = Field(
         description="Largest overall vibration since the limit was exceeded, µm peak-to-peak", examples=[97.2]
     )
-    largest_peak_um: float | None = Field(
+    largest_peak_um: Number = Field(
         description="Largest 1X, or sum of the amplitudes below 1X, since then, µm peak", examples=[None]
     )
-    largest_rpm: float | None = Field(description="Highest speed since then, r/min", examples=[None])
-    largest_at: TimeInRunSchema = Field(description="Time of the largest value")
-    end: TimeInRunSchema | None = Field(
-        description="Time when the value fell below the limit by the rig's hysteresis; null while the alarm lasts or "
-        "where it lasts to the end of the run"
-    )
+    largest_rpm: Number = Field(description="Highest speed since then, r/min", examples=[None])
+    largest_at: TimeInRunSchema = Field()
+    end: TimeInRunSchema | None = Field()
     name: str = Field(description="Name of the alarm as displayed", examples=["danger at x"])
     message: str = Field(description="Largest value and limit as displayed", examples=["97 µm peak-to-peak, limit 95"])
 
@@ -129,20 +111,15 @@ def alarm_schema(alarm: Alarm) -> AlarmSchema:
     """Return the schema of an alarm."""
     is_overall, is_speed = alarm.quantity is MonitoredQuantity.OVERALL, alarm.quantity is MonitoredQuantity.SPEED
     is_peak = not is_overall and not is_speed
-    return AlarmSchema(
-        number=alarm.number,
-        quantity=alarm.quantity,
+    return AlarmSchema.of(
+        alarm,
         probe=alarm.probe or None,
-        severity=alarm.severity,
         limit_peak_to_peak_um=micrometres(alarm.limit) if is_overall else None,
         limit_peak_um=micrometres(alarm.limit) if is_peak else None,
         limit_rpm=rpm(alarm.limit) if is_speed else None,
-        begin=time_in_run_schema(alarm.begin),
         largest_peak_to_peak_um=micrometres(alarm.largest) if is_overall else None,
         largest_peak_um=micrometres(alarm.largest) if is_peak else None,
         largest_rpm=rpm(alarm.largest) if is_speed else None,
-        largest_at=time_in_run_schema(alarm.largest_at),
-        end=None if alarm.end is None else time_in_run_schema(alarm.end),
         name=alarm_name(alarm),
         message=alarm_value_text(alarm),
     )

@@ -6,10 +6,9 @@ from pydantic import Field
 
 from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.summary import SpeedRowSchema, SubSynchronousSchema
-from daq.schemas.units import Schema
+from daq.schemas.units import Count, Number, Schema
 
-Count = Annotated[int, Field(ge=0)]
-Values = tuple[float | None, ...]
+Values = tuple[Number, ...]
 
 
 class OrderVectorsSchema(Schema):
@@ -132,17 +131,17 @@ class ComparisonSchema(Schema):
     run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
     measured: SpeedRowSchema = Field(description="Nearest speed bin")
     predicted: PredictedVibrationSchema = Field(description="Prediction at the mean speed of that bin")
-    amplitude_ratio_x: float | None = Field(
+    amplitude_ratio_x: Number = Field(
         description="Measured (minus run-out where known) over predicted 1X at probe x; null without prediction",
         examples=[0.97],
     )
-    amplitude_ratio_y: float | None = Field(
+    amplitude_ratio_y: Number = Field(
         description="Measured (minus run-out where known) over predicted 1X at probe y; null without prediction",
         examples=[1.02],
     )
-    lag_difference_x_deg: float | None = Field(
+    lag_difference_x_deg: Number = Field(
         description="Measured minus predicted lag of 1X at probe x, -180 to 180 degrees", examples=[3.2]
     )
-    lag_difference_y_deg: float | None = Field(
+    lag_difference_y_deg: Number = Field(
         description="Measured minus predicted lag of 1X at probe y, -180 to 180 degrees", examples=[-4.1]
     )

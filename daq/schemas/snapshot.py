@@ -1,7 +1,5 @@
 """Schemas of one order frame: order spectrum, full spectrum and orbit, recorded or live, measured or predicted."""
 
-from typing import Annotated
-
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
@@ -10,24 +8,27 @@ from analysis.signals.header import Role, RunHeader
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.spectra.full_spectrum import full_spectrum
-from daq.schemas.units import Schema, finite, lags_degrees, micrometres, rpm
+from daq.schemas.units import Count, Number, Schema, finite, lags_degrees, micrometres
 from daq.session.live_update import LiveUpdate
 from model.prediction.prediction_map import Prediction
 
-Count = Annotated[int, Field(ge=0)]
-Values = tuple[float | None, ...]
+Values = tuple[Number, ...]
 
 
-class OrderFrameSchema(Schema):
+class OrderFrameSchema(
+    Schema,
+    of=(
+        Snapshot,
+        OrderFrame,
+    ),
+):
     """Position of an order frame in the run."""
 
-    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    sample: Count = Field(description="Index in the segment, one past the last sample used", examples=[32_230_000])
-    time_s: float = Field(description="Sample time in the segment, s", examples=[161.15])
-    speed_rpm: float | None = Field(description="Mean shaft speed over the frame, r/min", examples=[11042.1])
-    acceleration_rpm_per_s: float | None = Field(
-        description="Mean rate of change of speed over the frame, r/min per s", examples=[48.5]
-    )
+    segment: Count = Field(examples=[0])
+    sample: Count = Field(examples=[32_230_000])
+    time_s: float = Field(examples=[161.15])
+    speed_rpm: Number = Field(examples=[11042.1])
+    acceleration_rpm_per_s: Number = Field(examples=[48.5])
 
 
 class OrderSpectrumSchema(Schema):
@@ -44,7 +45,7 @@ class OrderSpectrumSchema(Schema):
     )
     lag_x_deg: Values = Field(description="Phase lag at probe x, 0 to 360 degrees", examples=[[12.0, 340.1, 77.5]])
     lag_y_deg: Values = Field(description="Phase lag at probe y, 0 to 360 degrees", examples=[[102.0, 70.1, 167.5]])
-    noise_peak_um: float | None = Field(description="Noise floor of the spectrum, µm zero-to-peak", examples=[0.05])
+    noise_peak_um: Number = Field(description="Noise floor of the spectrum, µm zero-to-peak", examples=[0.05])
 
 
 class FullSpectrumSchema(Schema):
@@ -83,18 +84,12 @@ class OrbitSchema(Schema):
     compensated_orbit_y_um: Values | None = Field(
         description="Y minus run-out, µm; null likewise", examples=[[0.2, 1.5, 3.0]]
     )
-    clearance_um: float | None = Field(description="Radius of the clearance circle, µm", examples=[100.0])
+    clearance_um: Number = Field(description="Radius of the clearance circle, µm", examples=[100.0])
 
 
 def order_frame_schema(snapshot: Snapshot, frame: OrderFrame) -> OrderFrameSchema:
     """Return the schema of the position of a frame."""
-    return OrderFrameSchema(
-        segment=snapshot.segment,
-        sample=snapshot.sample,
-        time_s=finite(snapshot.time) or 0.0,
-        speed_rpm=rpm(frame.speed),
-        acceleration_rpm_per_s=rpm(frame.acceleration),
-    )
+    return OrderFrameSchema.of(snapshot, frame)
 
 
 def order_spectrum_schema(header: RunHeader, snapshot: Snapshot, frame: OrderFrame) -> OrderSpectrumSchema:
@@ -180,7 +175,7 @@ class LiveCurvesSchema(Schema):
         description="Points of the orbit per revolution; the first of each lies at the keyphasor mark",
         examples=[64],
     )
-    clearance_um: float | None = Field(description="Radius of the clearance circle, µm", examples=[100.0])
+    clearance_um: Number = Field(description="Radius of the clearance circle, µm", examples=[100.0])
     measured: OrbitAndSpectrumSchema | None = Field(
         description="Measured; null until there are enough whole revolutions"
     )

@@ -21,7 +21,7 @@ from daq.schemas.results import (
     WhirlFindingsSchema,
 )
 from daq.schemas.snapshot import full_spectrum_schema, orbit_schema, order_spectrum_schema
-from daq.schemas.summary import speed_row_schema, sub_synchronous_schema
+from daq.schemas.summary import SubSynchronousSchema, speed_row_schema
 from daq.schemas.units import Schema
 
 RESPONSE_CACHE_SIZE = 128
@@ -41,7 +41,7 @@ def findings(_path: Path, history: RunHistory) -> Schema:
     """Return the sub-synchronous components."""
     return WhirlFindingsSchema(
         run=history.header.run,
-        sub_synchronous=tuple(sub_synchronous_schema(finding) for finding in history.summary.whirls),
+        sub_synchronous=tuple(SubSynchronousSchema.of(finding) for finding in history.summary.whirls),
     )
 
 

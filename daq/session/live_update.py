@@ -4,12 +4,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.header import RunHeader, Severity
 from analysis.signals.snapshot import RunOut, Snapshot
-from analysis.signals.units import MICROMETRE, RPM
+from analysis.signals.units import MICROMETRE, NUMBER, RPM, TIME
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.results import MAX_MARKER_LENGTH, Marker, MarkerKind
 
@@ -53,88 +53,50 @@ class TimedMarker:
 
 @dataclass(frozen=True, slots=True)
 class Clipping:
-    """Clipped samples of a channel since the start of the run.
+    """Clipped samples of a channel since the start of the run."""
 
-    Parameters
-    ----------
-    channel : str
-        Name of the channel.
-    samples : int
-        Samples at the limits of the converter's range.
-    blocks : int
-        Blocks that contain such samples.
-    last : float
-        Sample time, since the start of the run, of the end of the last such block, s.
-    """
-
-    channel: str
-    samples: int
-    blocks: int
-    last: float
+    channel: Annotated[str, NUMBER.of("Name of the channel")]
+    samples: Annotated[int, NUMBER.of("Samples at either end of the converter's range")]
+    blocks: Annotated[int, NUMBER.of("Blocks with clipped samples")]
+    last: Annotated[float, TIME.of("End of the last such block, sample time since the start of the run")]
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Status of a recording or replay.
+    """Status of a recording or replay."""
 
-    Parameters
-    ----------
-    state : RunState
-        State of the run.
-    elapsed : float
-        Sample time since the start of the run, s.
-    samples : int
-        Samples per channel recorded (or replayed).
-    lost : int
-        Samples per channel known to be lost.
-    lost_is_exact : bool
-        False where ``lost`` is a lower bound.
-    backlog : float
-        Samples in the device's buffer at the last read, s.
-    disk_left : float
-        Recording time at this rate until the disk reserve is reached, s; infinite where nothing is written.
-    skipped : int
-        Samples per channel that the live analysis skipped (they are recorded).
-    dropped_updates : int
-        Live updates that the view could not draw in time.
-    severity : Severity
-        The worst of the alarms whose condition persists.
-    latched : Severity
-        The worst of the alarms shown.
-    model : str
-        "ready", "ready, not exact: <reason>", "computing 34 %", or why there is no prediction.
-    clipped : tuple of Clipping
-        Channels that have been clipped, also in samples that the live analysis skipped.
-    last_loss : str
-        Description of the last segment end with a fault; empty for none.
-    detail : str
-        Message for the operator; empty where all is well.
-    alarms : tuple of Alarm
-        The alarms shown: their condition persists, or they are latched until acknowledged.
-    acknowledged : int
-        Number of the last acknowledged alarm; 0 for none.
-    markers : tuple of TimedMarker
-        The latest markers, in order of time.
-    """
-
-    state: RunState
-    elapsed: float = 0.0
-    samples: int = 0
-    lost: int = 0
-    lost_is_exact: bool = True
-    backlog: float = 0.0
-    disk_left: float = float("inf")
-    skipped: int = 0
-    dropped_updates: int = 0
-    severity: Severity = Severity.NORMAL
-    latched: Severity = Severity.NORMAL
-    model: str = "off"
-    clipped: tuple[Clipping, ...] = ()
-    last_loss: str = ""
-    detail: str = ""
-    alarms: tuple[Alarm, ...] = ()
-    acknowledged: int = 0
-    markers: tuple[TimedMarker, ...] = ()
+    state: Annotated[RunState, NUMBER.of("State of the run")]
+    elapsed: Annotated[float, TIME.of("Sample time since the start of the run")] = 0.0
+    samples: Annotated[int, NUMBER.of("Samples per channel recorded or replayed")] = 0
+    lost: Annotated[int, NUMBER.of("Lost samples per channel", "lost_samples")] = 0
+    lost_is_exact: Annotated[bool, NUMBER.of("False where the number of lost samples is a lower bound")] = True
+    backlog: Annotated[float, TIME.of("Unread samples in the device at the last read")] = 0.0
+    disk_left: Annotated[
+        float, TIME.of("Time until the disk is full at this rate; unknown where nothing is written")
+    ] = float("inf")
+    skipped: Annotated[
+        int, NUMBER.of("Samples per channel that the live analysis skipped; they are recorded", "skipped_samples")
+    ] = 0
+    dropped_updates: Annotated[int, NUMBER.of("Live updates that the viewer could not draw in time")] = 0
+    severity: Annotated[Severity, NUMBER.of("Highest severity of the present alarms")] = Severity.NORMAL
+    latched: Annotated[Severity, NUMBER.of("Highest severity of the displayed alarms", "latched_severity")] = (
+        Severity.NORMAL
+    )
+    model: Annotated[
+        str, NUMBER.of('State: "ready", "ready, not exact: <reason>", "computing 34 %", or why there is none')
+    ] = "off"
+    clipped: Annotated[
+        tuple[Clipping, ...], NUMBER.of("Clipped channels, counted while recording; empty in a replay")
+    ] = ()
+    last_loss: Annotated[str, NUMBER.of("End of the last segment that ended with a fault; empty without any")] = ""
+    detail: Annotated[str, NUMBER.of("Error message; empty without an error")] = ""
+    alarms: Annotated[
+        tuple[Alarm, ...], NUMBER.of("Displayed alarms: present, or latched and not yet acknowledged")
+    ] = ()
+    acknowledged: Annotated[
+        int, NUMBER.of("Number of the last acknowledged alarm; 0 for none", "acknowledged_alarm")
+    ] = 0
+    markers: Annotated[tuple[TimedMarker, ...], NUMBER.of("The latest markers in order of time")] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

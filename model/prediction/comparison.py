@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.live.summary import RunSummary
+from analysis.signals.units import ANGLE, NUMBER, PEAK, SPEED
 from analysis.whirl.findings import WhirlFinding
 from model.prediction.prediction_map import PredictionMap
 
@@ -24,36 +26,35 @@ class SynchronousAgreement:
 
     Ratios are measured over predicted amplitude; phase differences are measured minus predicted lag, rad, positive if
     the measurement lags more. Both probes have equal weight.
-
-    Parameters
-    ----------
-    speeds : int
-        Number of compared speeds: measured speeds within the map.
-    median_ratio, worst_ratio : float
-        Median ratio, and the one furthest from 1 on a logarithmic scale.
-    worst_ratio_speed : float
-        Speed of the worst ratio, rad/s.
-    median_phase, worst_phase : float
-        Median phase difference, and the one of largest magnitude, rad.
-    worst_phase_speed : float
-        Speed of the worst phase difference, rad/s.
-    agrees_to : float
-        Highest speed, rad/s, up to which every ratio is within exp(±0.25) and every phase difference within 30°; NaN
-        if the lowest speed already is not.
-    within_ratio, within_phase : float
-        Largest |ratio - 1| and largest magnitude of phase difference, rad, up to ``agrees_to``; NaN if that is NaN.
     """
 
-    speeds: int
-    median_ratio: float
-    worst_ratio: float
-    worst_ratio_speed: float
-    median_phase: float
-    worst_phase: float
-    worst_phase_speed: float
-    agrees_to: float
-    within_ratio: float
-    within_phase: float
+    speeds: Annotated[int, NUMBER.of("Number of measured speeds compared")]
+    median_ratio: Annotated[float, NUMBER.of("Median of measured over predicted amplitude", "median_amplitude_ratio")]
+    worst_ratio: Annotated[
+        float, NUMBER.of("The ratio furthest from 1 on a logarithmic scale", "worst_amplitude_ratio")
+    ]
+    worst_ratio_speed: Annotated[float, SPEED.of("Speed of that ratio", "worst_amplitude_at")]
+    median_phase: Annotated[
+        float,
+        ANGLE.of(
+            "Median of measured minus predicted lag; positive where the measurement lags more", "median_lag_difference"
+        ),
+    ]
+    worst_phase: Annotated[float, ANGLE.of("The difference with the largest magnitude", "worst_lag_difference")]
+    worst_phase_speed: Annotated[float, SPEED.of("Speed of that difference", "worst_lag_at")]
+    agrees_to: Annotated[
+        float,
+        SPEED.of(
+            "Speed up to which, from the lowest compared, every amplitude agrees within a factor of 1.28 and every "
+            "lag within 30°; unknown where the lowest speed already does not"
+        ),
+    ]
+    within_ratio: Annotated[
+        float, NUMBER.of("Largest distance of a ratio from 1 up to that speed", "within_amplitude_ratio")
+    ]
+    within_phase: Annotated[
+        float, ANGLE.of("Largest magnitude of a lag difference up to that speed", "within_lag_difference")
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,18 +63,22 @@ class PredictedWhirl:
 
     Parameters
     ----------
-    order : float
-        Whirl frequency over shaft speed at the onset.
     onset, end : float
         First and last speed of the range, rad/s.
-    amplitude : float
-        Largest semi-major axis, m peak.
     """
 
-    order: float
-    onset: float
+    order: Annotated[
+        float, NUMBER.of("Predicted order at onset; unknown where no such whirl is predicted", "predicted_order")
+    ]
+    onset: Annotated[float, SPEED.of("Predicted onset speed; unknown likewise", "predicted_onset")]
     end: float
-    amplitude: float
+    amplitude: Annotated[
+        float,
+        PEAK.of(
+            "Largest predicted amplitude, half the major axis of the ellipse; unknown likewise",
+            "predicted_largest_peak",
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +91,18 @@ class WhirlAgreement:
         None if the model shows fewer whirls than the run within the map.
     measured : WhirlFinding or None
         None if the run shows fewer whirls.
-    was_reached : bool
-        Whether the run reached the predicted onset; true without prediction.
     """
 
     predicted: PredictedWhirl | None
     measured: WhirlFinding | None
-    was_reached: bool
+    was_reached: Annotated[
+        bool, NUMBER.of("Whether the run reached the predicted onset speed; true where no whirl is predicted")
+    ]
 
     @property
-    def onset_ratio(self) -> float:
+    def onset_ratio(
+        self,
+    ) -> Annotated[float, NUMBER.of("Measured over predicted onset speed; unknown where one of them is missing")]:
         """Measured over predicted onset speed; NaN if one of both is missing."""
         if self.predicted is None or self.measured is None:
             return math.nan
@@ -104,21 +111,15 @@ class WhirlAgreement:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Agreement of a run with the model.
+    """Agreement of a run with the model."""
 
-    Parameters
-    ----------
-    synchronous : SynchronousAgreement or None
-        None if no measured speed can be compared.
-    whirls : tuple of WhirlAgreement
-        By rising onset speed.
-    instability_onset : float
-        Lowest speed at which the synchronous motion of the model is unstable, rad/s; NaN if it is stable in the map.
-    """
-
-    synchronous: SynchronousAgreement | None
-    whirls: tuple[WhirlAgreement, ...]
-    instability_onset: float
+    synchronous: Annotated[
+        SynchronousAgreement | None, NUMBER.of("1X over speed; unknown where no measured speed can be compared")
+    ]
+    whirls: Annotated[tuple[WhirlAgreement, ...], NUMBER.of("Whirls below 1X, by rising onset speed")]
+    instability_onset: Annotated[
+        float, SPEED.of("Lowest speed at which the predicted 1X motion is unstable; unknown where it is always stable")
+    ]
 
 
 def compare(summary: RunSummary, prediction_map: PredictionMap) -> Agreement:

@@ -8,13 +8,14 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.probes import ProbePair
-from analysis.signals.units import RPM
+from analysis.signals.units import NUMBER, PEAK_TO_PEAK, RATE, RPM, SPEED
 from analysis.spectra.order_map import order_spectrum, order_vectors
 from analysis.spectra.windows import WINDOWS
 from analysis.whirl.components import find_whirl, noise_floor
@@ -45,38 +46,32 @@ class Prediction:
 
     Parameters
     ----------
-    speed : float
-        Shaft speed, rad/s.
     orders : ndarray of float64, shape (n_orders,)
         Order axis, from 0.
     spectrum : ndarray of float64, shape (2, n_orders)
         Order spectrum at the probes x and y with the window of the settings, m peak.
     vectors : ndarray of complex128, shape (2, 2)
         ``vectors[k - 1, probe]``: the kX vector, k = 1, 2, m peak, x(t) = Re[X exp(i k theta)].
-    whirl_order : float
-        Order of the strongest sub-synchronous component; NaN without one.
     whirl_amplitude : float
         Semi-major axis of this component, m peak; 0 without one.
-    peak_to_peak : ndarray of float64, shape (2,)
-        Overall vibration at the probes, m peak-to-peak.
     orbit : ndarray of float64, shape (2, n_points)
         Motion in X and Y over a few whole revolutions from theta = 0, mean removed, m.
-    growth_rate : float
-        Growth rate of the least stable whirl of the synchronous motion, 1/s; positive if unstable.
-    is_exact : bool
-        Whether it was integrated at this speed; otherwise it is interpolated between two speeds of a map.
     """
 
-    speed: float
+    speed: Annotated[float, SPEED.of("Shaft speed")]
     orders: FloatArray
     spectrum: FloatArray
     vectors: ComplexArray
-    whirl_order: float
+    whirl_order: Annotated[float, NUMBER.of("Order of the strongest component below 1X; unknown without one")]
     whirl_amplitude: float
-    peak_to_peak: FloatArray
+    peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Overall vibration", at_probes=True)]
     orbit: FloatArray
-    growth_rate: float
-    is_exact: bool = False
+    growth_rate: Annotated[
+        float, RATE.of("Growth rate of the least stable whirl about the 1X motion; positive: unstable")
+    ]
+    is_exact: Annotated[
+        bool, NUMBER.of("True where the motion is integrated at this speed, false where interpolated")
+    ] = False
 
 
 MIN_CHECKS_STABLE, MIN_CHECKS_UNSTABLE, MAX_CHECKS = 2, 6, 24  # checks at a speed

@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Acquisition, RunHeader
+from analysis.signals.units import NUMBER
 from recordings.errors import AnnotationError, RecordingError, StorageError
 from recordings.file_operations import atomic_write
 from recordings.integrity.verify import verify
@@ -134,12 +135,8 @@ class RunEntry:
 
     Parameters
     ----------
-    id : str
-        Run id: the file's name without suffix.
     path : Path
         The run's file.
-    size : int
-        Size of the file, bytes.
     changed_ns : int
         Modification time of the file, ns since 1970.
     header : RunHeader or None
@@ -148,35 +145,25 @@ class RunEntry:
         Sample time, s.
     samples : int
         Samples per channel.
-    is_complete : bool
-        Whether the run was finished properly.
-    is_gap_free : bool
-        Whether the run is one segment without a loss.
-    fault : str
-        What is wrong with the file, for the operator; empty if nothing is.
-    remark : str
-        Text added after recording.
-    tags : tuple of str
-        Tags added after recording.
-    verdict : str
-        Result of the last verification of the file in its present state (a `Verdict`); empty if not verified.
     calibration : str
         `calibration_identity` of the probes' calibrations.
     """
 
-    id: str
+    id: Annotated[str, NUMBER.of("Id of the run", "run")]
     path: Path
-    size: int
+    size: Annotated[int, NUMBER.of("Size of the file, bytes", "size_bytes")]
     changed_ns: int
     header: RunHeader | None = None
     duration: float = 0.0
     samples: int = 0
-    is_complete: bool = False
-    is_gap_free: bool = False
-    fault: str = ""
-    remark: str = ""
-    tags: tuple[str, ...] = ()
-    verdict: str = ""
+    is_complete: Annotated[bool, NUMBER.of("Whether the recording was finished properly")] = False
+    is_gap_free: Annotated[bool, NUMBER.of("Whether the run is one segment without lost samples")] = False
+    fault: Annotated[str, NUMBER.of("Error of the file; empty without an error")] = ""
+    remark: Annotated[str, NUMBER.of("Remark added afterwards")] = ""
+    tags: Annotated[tuple[str, ...], NUMBER.of("Tags added afterwards")] = ()
+    verdict: Annotated[
+        str, NUMBER.of("Verdict of the last verification: sound, not whole, unreadable; empty without one")
+    ] = ""
     calibration: str = ""
 
     @property
@@ -248,23 +235,13 @@ READ_INTERVAL_FACTOR = 20
 
 @dataclass(frozen=True, slots=True)
 class IndexReport:
-    """Differences between the files of a folder and the catalogue's earlier state, as run ids.
+    """Differences between the files of a folder and the catalogue's earlier state, as run ids."""
 
-    Parameters
-    ----------
-    new, changed, missing : tuple of str
-        Files that were not in the catalogue, have changed, or are gone.
-    damaged : tuple of str
-        Files that are incomplete or cannot be read, whether new or not.
-    unchanged : int
-        Number of files that have not changed.
-    """
-
-    new: tuple[str, ...]
-    changed: tuple[str, ...]
-    missing: tuple[str, ...]
-    damaged: tuple[str, ...]
-    unchanged: int
+    new: Annotated[tuple[str, ...], NUMBER.of("Runs whose files were not in the catalogue")]
+    changed: Annotated[tuple[str, ...], NUMBER.of("Runs whose files have changed")]
+    missing: Annotated[tuple[str, ...], NUMBER.of("Runs whose files are gone")]
+    damaged: Annotated[tuple[str, ...], NUMBER.of("Runs whose files are incomplete or cannot be read, new or not")]
+    unchanged: Annotated[int, NUMBER.of("Number of files that have not changed")]
 
 
 def compare(before: Mapping[str, StoredRun], present: Mapping[str, RunEntry]) -> IndexReport:

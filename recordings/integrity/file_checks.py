@@ -6,12 +6,14 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 import numpy as np
 from mcap.opcode import Opcode
 
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Calibration, Channel, Role
+from analysis.signals.units import NUMBER
 from recordings.mcap import rig_pb2
 from recordings.mcap.container import RECORD, ChunkLocation, Container, StoredMessage
 from recordings.mcap.messages import parse_message
@@ -42,24 +44,12 @@ class Check(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """A fault or a remark on a file.
+    """A fault or a remark on a file."""
 
-    Parameters
-    ----------
-    check : Check
-        Subject.
-    where : str
-        Position, as "byte 1234" or "segment 0".
-    what : str
-        What is there, and what was expected.
-    is_fault : bool
-        Whether the recording is not intact; otherwise the finding is for information.
-    """
-
-    check: Check
-    where: str
-    what: str
-    is_fault: bool = True
+    check: Annotated[Check, NUMBER.of("Subject")]
+    where: Annotated[str, NUMBER.of("Position, as byte 1234 or segment 0", "location")]
+    what: Annotated[str, NUMBER.of("What is there, and what was expected", "description")]
+    is_fault: Annotated[bool, NUMBER.of("Whether the recording is not intact; otherwise for information")] = True
 
 
 def check_acquisition(acquisition: Acquisition) -> Iterator[Finding]:

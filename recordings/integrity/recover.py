@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
+from analysis.signals.units import NUMBER
 from recordings.errors import DamagedError, MessageError, RecordingError
 from recordings.mcap.container import ChunkLocation, Container
 from recordings.mcap.layout import (
@@ -27,72 +29,42 @@ from recordings.mcap.writer import write_run
 
 @dataclass(frozen=True, slots=True)
 class MissingSamples:
-    """Samples of the damaged recording, known or possible, that the copy lacks.
+    """Samples of the damaged recording, known or possible, that the copy lacks."""
 
-    Parameters
-    ----------
-    segment : int
-        Segment of the damaged recording.
-    first : int
-        First missing sample.
-    stop : int or None
-        One past the last; None if the length of the segment is unknown.
-    """
-
-    segment: int
-    first: int
-    stop: int | None
+    segment: Annotated[int, NUMBER.of("Segment of the damaged recording")]
+    first: Annotated[int, NUMBER.of("First missing sample", "first_sample")]
+    stop: Annotated[
+        int | None, NUMBER.of("One past the last; unknown where the length of the segment is", "stop_sample")
+    ]
 
     @property
-    def samples(self) -> int | None:
+    def samples(self) -> Annotated[int | None, NUMBER.of("Missing samples per channel; unknown likewise")]:
         """Missing samples per channel; None if unknown."""
         return None if self.stop is None else self.stop - self.first
 
 
 @dataclass(frozen=True, slots=True)
 class RecoveredSegment:
-    """A segment of the copy: consecutive samples that were recovered.
+    """A segment of the copy: consecutive samples that were recovered."""
 
-    Parameters
-    ----------
-    segment : int
-        Segment of the copy.
-    from_segment : int
-        Segment of the damaged recording.
-    first, stop : int
-        Its samples there: first, and one past the last.
-    """
-
-    segment: int
-    from_segment: int
-    first: int
-    stop: int
+    segment: Annotated[int, NUMBER.of("Segment of the copy")]
+    from_segment: Annotated[int, NUMBER.of("Segment of the damaged recording")]
+    first: Annotated[int, NUMBER.of("First of its samples there", "first_sample")]
+    stop: Annotated[int, NUMBER.of("One past the last", "stop_sample")]
 
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """Result of a recovery.
+    """Result of a recovery."""
 
-    Parameters
-    ----------
-    source, target : Path
-        The damaged file and its copy.
-    damaged_chunks : int
-        Chunks that do not match their checksum.
-    segments : tuple of RecoveredSegment
-        Segments of the copy.
-    missing : tuple of MissingSamples
-        What the copy lacks.
-    """
-
-    source: Path
-    target: Path
-    damaged_chunks: int
-    segments: tuple[RecoveredSegment, ...]
-    missing: tuple[MissingSamples, ...]
+    source: Annotated[Path, NUMBER.of("The damaged file")]
+    target: Annotated[Path, NUMBER.of("Its copy")]
+    damaged_chunks: Annotated[int, NUMBER.of("Chunks that do not match their checksum")]
+    segments: Annotated[tuple[RecoveredSegment, ...], NUMBER.of("Segments of the copy")]
+    missing: Annotated[tuple[MissingSamples, ...], NUMBER.of("Samples that the copy lacks")]
 
     @property
-    def samples(self) -> int:
+    def samples(self) -> Annotated[int, NUMBER.of("Recovered samples per channel")]:
         """Recovered samples per channel."""
         return sum(segment.stop - segment.first for segment in self.segments)
 

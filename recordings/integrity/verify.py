@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
+from typing import Annotated
 
 from mcap.opcode import Opcode
 
 from analysis.signals.header import RunHeader
+from analysis.signals.units import NUMBER
 from recordings.errors import DamagedError, MessageError, RecordingError
 from recordings.file_operations import Progress, ignore_progress
 from recordings.integrity.file_checks import (
@@ -43,34 +45,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """Findings of a verification.
+    """Findings of a verification."""
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    run : str
-        Id of the run.
-    size : int
-        Bytes.
-    chunks : int
-        Intact chunks.
-    segments, samples : int
-        Segments with an end, and samples per channel.
-    pulses : int
-        Tacho edges with a counter stamp.
-    findings : tuple of Finding
-        Faults and remarks, in file order.
-    """
-
-    path: Path
-    run: str
-    size: int
-    chunks: int
-    segments: int
-    samples: int
-    pulses: int
-    findings: tuple[Finding, ...]
+    path: Annotated[Path, NUMBER.of("The file")]
+    run: Annotated[str, NUMBER.of("Id of the run")]
+    size: Annotated[int, NUMBER.of("Size of the file, bytes", "size_bytes")]
+    chunks: Annotated[int, NUMBER.of("Intact chunks")]
+    segments: Annotated[int, NUMBER.of("Segments with an end")]
+    samples: Annotated[int, NUMBER.of("Samples per channel")]
+    pulses: Annotated[int, NUMBER.of("Tacho edges with a time stamp of the counter")]
+    findings: Annotated[tuple[Finding, ...], NUMBER.of("Faults and remarks, in file order")]
 
     @property
     def faults(self) -> tuple[Finding, ...]:
@@ -83,7 +67,7 @@ class Verification:
         return not self.faults
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Annotated[Verdict, NUMBER.of("Verdict of the verification")]:
         """The result."""
         return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
 

@@ -9,9 +9,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.blocks import PPM, ClockError, DeliveryStatistics, EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import ClockError, DeliveryStatistics, EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import PPM
 from recordings.errors import DamagedError, MessageError
 from recordings.mcap import rig_pb2
 from recordings.mcap.container import ChunkLocation, Container, StoredMessage

@@ -10,9 +10,10 @@ from mcap.records import Channel, Message, Schema
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
 from analysis.live.analyser import Analyser
-from analysis.signals.blocks import PPM, DeliveryMonitor, EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import DeliveryMonitor, EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
+from analysis.signals.units import PPM
 from recordings.errors import StorageError
 from recordings.mcap.chunk_writer import AppendOnlyFile, ChunkWriter
 from recordings.mcap.header import calibration_to_json, header_to_json

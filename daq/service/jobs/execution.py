@@ -15,9 +15,9 @@ from daq.reports.export import encode_analysis, run_analysis
 from daq.reports.parameters import AnalysisFormat, AnalysisQuery
 from daq.reports.run_history import read_history
 from daq.reports.run_summaries import Summaries
-from daq.schemas.checks import recovery_schema, verification_schema
+from daq.schemas.checks import RecoverySchema, VerificationSchema
 from daq.schemas.live import predicted_vibration_schema
-from daq.schemas.runs import index_report_schema
+from daq.schemas.runs import IndexReportSchema
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
@@ -128,7 +128,7 @@ def verification_job(report: ReportProgress, target: Path, location: CatalogueLo
     catalogue = location.catalogue()
     verification = verify(catalogue.path(run), fraction_reporter(report, "verifying"))
     catalogue.store_verdict(run, verification.verdict.value)
-    write_json(target, verification_schema(verification))
+    write_json(target, VerificationSchema.of(verification))
 
 
 def recovery_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
@@ -141,7 +141,7 @@ def recovery_job(report: ReportProgress, target: Path, location: CatalogueLocati
     temporary = target.with_name(copy.name)
     recovery = recover(catalogue.path(run), temporary)
     move_without_overwriting(temporary, copy)
-    write_json(target, recovery_schema(replace(recovery, target=copy)))
+    write_json(target, RecoverySchema.of(replace(recovery, target=copy)))
 
 
 def index_job(report: ReportProgress, target: Path, location: CatalogueLocation, verifying: bool) -> None:  # noqa: FBT001 - sent through a pipe
@@ -149,7 +149,7 @@ def index_job(report: ReportProgress, target: Path, location: CatalogueLocation,
     index_report = location.catalogue().index(
         summarise, verify_files=verifying, on_status=lambda status: report(Progress(status))
     )
-    write_json(target, index_report_schema(index_report))
+    write_json(target, IndexReportSchema.of(index_report))
 
 
 def export_selection(start: float, stop: float | None, segment: int | None) -> dict[str, Any]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import (
-    PPM,
     ClockEstimator,
     DeliveryMonitor,
     DeliveryStatistics,
@@ -16,7 +15,7 @@ from analysis.signals.blocks import (
     SampleBlock,
 )
 from analysis.signals.header import Acquisition, RunHeader
-from analysis.signals.units import RPM
+from analysis.signals.units import PPM, RPM
 
 
 def steps(*speeds_rpm: float) -> list[RampStep]:

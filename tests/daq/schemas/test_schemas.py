@@ -1,20 +1,29 @@
 """Schemas: units, phase lag, null for unknown values, valid JSON."""
 
+import importlib
 import json
 import math
-from dataclasses import replace
+import pkgutil
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, get_origin
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import Field
+from pydantic.fields import FieldInfo
 
+from analysis.signals import FloatArray
 from analysis.signals.snapshot import Whirl
-from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from analysis.signals.units import MICROMETRE, PEAK_TO_PEAK, RPM, SPEED, phase_lag_degrees
+from daq import schemas
 from daq.schemas.live import live_schema
 from daq.schemas.runs import run_schema
 from daq.schemas.summary import summary_schema
-from daq.schemas.units import finite, lag_degrees, micrometres, rpm, utc_time
+from daq.schemas.units import Number, Schema, finite, lag_degrees, micrometres, rpm, utc_time
 from daq.session.live_update import LiveUpdate
 from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
@@ -168,3 +177,70 @@ def test_run_schema_of_unreadable_file_has_fault_and_null_values() -> None:
     document = run_schema(make_entries()[-1])
     assert document.fault
     assert {document.rig, document.note, document.device, document.duration_s, document.samples} == {None}
+
+
+SCHEMAS = [importlib.import_module(module.name) for module in pkgutil.iter_modules(schemas.__path__, "daq.schemas.")]
+UNITS = {"rpm": "r/min", "um": "µm", "deg": "degrees", "s": "s", "us": "µs", "hz": "Hz", "v": "V", "ppm": "ppm"}
+
+
+def all_fields(base: type[Schema] = Schema) -> Iterator[tuple[str, FieldInfo]]:
+    """Names with class, and fields, of all schemas."""
+    for schema in base.__subclasses__():
+        for name, field in schema.model_fields.items():
+            yield f"{schema.__name__}.{name}", field
+        yield from all_fields(schema)
+
+
+@pytest.mark.parametrize(("name", "field"), dict(all_fields()).items())
+def test_field_has_a_description_with_the_unit_of_its_suffix(name: str, field: FieldInfo) -> None:
+    is_choice_or_part = get_origin(field.annotation) is Literal or "Schema" in str(field.annotation)
+    assert field.description or is_choice_or_part
+    suffix = name.rpartition("_")[2]
+    if suffix in UNITS and not name.endswith("rad_s"):
+        assert re.search(rf"(?<!\w){re.escape(UNITS[suffix])}(?!\w)", field.description or "")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A result."""
+
+    fastest: Annotated[float, SPEED.of("Highest speed; unknown at rest", "highest_speed")]
+    levels: Annotated[FloatArray, PEAK_TO_PEAK.of("Overall vibration", at_probes=True)]
+    samples: int = 3
+
+
+class MeasuredSchema(Schema, of=(Measured,)):
+    """Its schema."""
+
+    highest_speed_rpm: Number = Field(examples=[1000.0])
+    levels_x_um: Number = Field()
+    levels_y_um: Number = Field()
+    samples: int = Field(description="Samples")
+
+
+class PartsSchema(Schema):
+    """A schema of results."""
+
+    parts: tuple[MeasuredSchema, ...] = Field(description="Results")
+
+
+def test_schema_takes_unit_conversion_and_description_of_a_field_from_its_quantity() -> None:
+    measured = Measured(1000.0 * RPM, np.array([2e-6, math.nan]))
+    schema = MeasuredSchema.of(measured)
+    assert schema.model_dump() == {"highest_speed_rpm": 1000.0, "levels_x_um": 2.0, "levels_y_um": None, "samples": 3}
+    assert PartsSchema.of(parts=(measured,)).parts == (schema,)
+    assert PartsSchema.model_validate_json(PartsSchema(parts=(schema,)).model_dump_json()).parts == (schema,)
+    described = {name: field.description for name, field in MeasuredSchema.model_fields.items()}
+    assert described["highest_speed_rpm"] == "Highest speed, r/min; unknown at rest"
+    assert described["levels_y_um"] == "Overall vibration at probe y, µm peak-to-peak"
+
+
+def test_fields_of_a_missing_result_are_null() -> None:
+    assert MeasuredSchema.of(None, samples=0).highest_speed_rpm is None
+
+
+def test_schema_with_a_second_description_of_a_quantity_is_refused() -> None:
+    with pytest.raises(TypeError, match="highest_speed_rpm"):
+
+        class _Twice(Schema, of=(Measured,)):
+            highest_speed_rpm: Number = Field(description="Highest speed, r/min")

@@ -109,7 +109,7 @@ def make_summary() -> RunSummary:
         frames=2950,
         tacho=TachoReport(TachoState.GOOD, 40_210, 1, 2, math.nan),
         tacho_states={"good": 2980, "no pulses": 20},
-        rows=(row(10_000.0, math.nan, 0.0), row(11_025.0, 0.49, 12.1e-6)),
+        rows=(row(10_000.0, math.nan, math.nan), row(11_025.0, 0.49, 12.1e-6)),
         whirls=(
             WhirlFinding(0.49, 0.492, at(98.0, 10_980.0), at(150.0, 13_900.0), 14.2e-6, at(140.0, 13_500.0), True, 212),
         ),
