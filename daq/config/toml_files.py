@@ -238,40 +238,6 @@ def to_toml(data: Mapping[str, object]) -> str:
         With bare keys. A sequence of mappings becomes an array of tables, any other sequence an inline array, with
         its mappings as inline tables.
     """
-    return "\n".join(_table_lines(data, "")).strip() + "\n"
+    import tomlkit  # noqa: PLC0415 - takes 50 ms to import, which commands that write no TOML need not wait for
 
-
-def _table_lines(data: Mapping[str, object], name: str) -> list[str]:
-    lines: list[str] = []
-    nested: list[str] = []
-    for key, value in data.items():
-        inner = f"{name}.{key}" if name else key
-        if isinstance(value, Mapping):
-            nested += ["", f"[{inner}]", *_table_lines(value, inner)]
-        elif tables := _tables_in(value):
-            for table in tables:
-                nested += ["", f"[[{inner}]]", *_table_lines(table, inner)]
-        else:
-            lines.append(f"{key} = {_toml_value(value)}")
-    return lines + nested
-
-
-def _tables_in(value: object) -> list[Mapping[str, object]]:
-    """Return the items of a sequence of mappings; an empty list for any other value."""
-    items = value if isinstance(value, list | tuple) else ()
-    tables = [item for item in items if isinstance(item, Mapping)]
-    return tables if len(tables) == len(items) else []
-
-
-def _toml_value(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(_toml_value(item) for item in value)}]"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{key} = {_toml_value(item)}' for key, item in value.items())}}}"
-    if isinstance(value, int):
-        return str(int(value))
-    if isinstance(value, float):
-        return repr(float(value))
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return tomlkit.dumps(data)

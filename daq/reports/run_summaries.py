@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -14,35 +13,13 @@ from daq.reports.analysis_result import ProgressCallback
 from daq.schemas.events import marker_schema
 from daq.schemas.summary import SummarySchema, summary_schema
 from daq.session.offline import corrected_header, summarise
-from daq.session.predictor import PREDICTION_TIMEOUT
+from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
 from model.prediction.comparison import compare
-from model.prediction.prediction_map import PredictionMap
 from recordings.catalogue.catalogue import Catalogue
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import Marker
 
 CACHE_KEY = "summary"
-
-
-class PredictionMapSource(Protocol):
-    """Source of the prediction map of one rig."""
-
-    @property
-    def map(self) -> PredictionMap | None:
-        """The prediction map; None until it is ready."""
-        ...
-
-    def wait(self, patience: float, on_progress: Callable[[str], None]) -> PredictionMap | None:
-        """Wait up to ``patience`` s and return the map, None without one."""
-        ...
-
-
-class PredictionMaps(Protocol):
-    """Prediction maps of all rigs."""
-
-    def for_run(self, header: RunHeader) -> PredictionMapSource:
-        """Return the source of the map for the rig of a run."""
-        ...
 
 
 class Summaries:
@@ -52,17 +29,17 @@ class Summaries:
     ----------
     catalogue : Catalogue
         Catalogue of the data folder.
-    maps : PredictionMaps
+    predictors : Predictors
         Prediction maps of the rigs.
     read : callable or None
         Summarises the run of a file, used where no progress is reported; None: `summarise`.
     """
 
     def __init__(
-        self, catalogue: Catalogue, maps: PredictionMaps, read: Callable[[Path], RunSummary] | None = None
+        self, catalogue: Catalogue, predictors: Predictors, read: Callable[[Path], RunSummary] | None = None
     ) -> None:
         self._catalogue = catalogue
-        self._maps = maps
+        self._predictors = predictors
         self._read = read
 
     def summary(self, run_id: str) -> SummarySchema:
@@ -94,7 +71,7 @@ class Summaries:
         with RunReader(self._catalogue.path(run_id)) as reader:
             header, delivery = corrected_header(reader.header, calibrations), reader.delivery
             markers = reader.markers()
-            predictor = self._maps.for_run(header)
+            predictor = self._predictors.for_run(header)
             summary = summarise(reader, partial(on_progress, f"analysing {run_id} again"), header)
         predictor.wait(PREDICTION_TIMEOUT, lambda state: on_progress(f"model {state}", None))
         return self.with_agreement(summary, header, delivery, markers)
@@ -103,7 +80,7 @@ class Summaries:
         self, summary: RunSummary, header: RunHeader, delivery: DeliveryStatistics, markers: tuple[Marker, ...] = ()
     ) -> SummarySchema:
         """Return the schema of a summary with the agreement of the model, null where the map is not ready."""
-        prediction_map = self._maps.for_run(header).map
+        prediction_map = self._predictors.for_run(header).map
         agreement = None if prediction_map is None else compare(summary, prediction_map)
         rate = header.acquisition.rate
         return summary_schema(summary, agreement, delivery, tuple(marker_schema(marker, rate) for marker in markers))
@@ -122,7 +99,7 @@ class Summaries:
             header, is_complete, delivery = reader.header, reader.is_complete, reader.delivery
             markers = reader.markers()
             report = None if on_progress is None else partial(on_progress, f"reading {run_id}")
-            predictor = self._maps.for_run(header)
+            predictor = self._predictors.for_run(header)
             summary = (
                 self._read(reader.path) if self._read is not None and on_progress is None else summarise(reader, report)
             )

@@ -4,24 +4,20 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.signals import FloatArray
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
 from daq.config.loader import read_recorded_config
 from daq.config.rig import Rig, model_parameters
-from daq.session.prediction_maps import cache_folder, load_or_compute_map, map_file, read_map
+from daq.session.prediction_maps import load_or_compute, map_file, read_map
 from daq.session.processes import JOIN_TIMEOUT, WorkerProcess, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import (
     Prediction,
     PredictionMap,
-    compute_prediction_map,
     default_map_speeds,
     prediction_map_key,
     refine,
@@ -29,8 +25,6 @@ from model.prediction.prediction_map import (
 from model.rotor.parameters import ModelParameters
 
 logger = logging.getLogger(__name__)
-
-FloatArray = NDArray[np.float64]
 
 PREDICTION_TIMEOUT = 120.0  # s without progress after which a computation is given up
 WAIT_INTERVAL = 0.2  # s of one wait, short so that Ctrl-C works on all platforms
@@ -176,6 +170,8 @@ class Predictor:
         Speeds of the map, increasing, rad/s.
     folder : Path, optional
         Folder of the cached maps; default `$RIG_CACHE`, else the user's cache.
+    in_worker : bool
+        Whether this process is a worker, which cannot start processes: it computes the map in a thread.
 
     Notes
     -----
@@ -190,16 +186,18 @@ class Predictor:
         settings: AnalysisSettings,
         speeds: FloatArray,
         folder: Path | None = None,
+        *,
+        in_worker: bool = False,
     ) -> None:
-        folder = cache_folder() if folder is None else folder
         self._parameters, self._settings = parameters, settings
         self._refiner: Refiner | None = None
         self._starting = threading.Lock()  # so that only one refiner is started
-        self._file = map_file(folder, prediction_map_key(parameters, speeds, settings))
+        self._file = map_file(parameters, speeds, settings, folder)
         self._percent = 0
         self._failure = ""
         self._is_closed = False
         self._changed = threading.Condition()
+        self._in_worker = in_worker
         self._worker = WorkerProcess(MAP_NICENESS)
         self._map, self._cache_error = read_map(self._file)
         self._finished = self._map is not None
@@ -290,10 +288,13 @@ class Predictor:
         self.close()
 
     def _compute(self, speeds: FloatArray) -> None:
-        """Compute the map in the process; body of the thread."""
+        """Compute the map; body of the thread."""
+        arguments = (self._file, self._parameters, speeds, self._settings)
         try:
-            arguments = (self._file, self._parameters, speeds, self._settings)
-            self._finish(self._worker.run(_load_or_compute, *arguments, on_progress=self._set_percent))
+            if self._in_worker:
+                self._finish(load_or_compute(self._set_progress, *arguments))
+            else:
+                self._finish(self._worker.run(load_or_compute, *arguments, on_progress=self._set_progress))
         except ModelError as error:
             self._finish(failure=str(error))
         except WorkerStoppedError:
@@ -303,9 +304,9 @@ class Predictor:
             logger.exception("the computation of the prediction map failed")
         self._worker.close()
 
-    def _set_percent(self, percent: int) -> None:
+    def _set_progress(self, done: int, total: int) -> None:
         with self._changed:
-            self._percent = percent
+            self._percent = 100 * done // total
             self._changed.notify_all()
 
     def _finish(self, found: PredictionMap | None = None, failure: str = "") -> None:
@@ -317,9 +318,16 @@ class Predictor:
 
 
 class Predictors:
-    """Predictors by rotor parameters, each created on first use and closed with the others."""
+    """Predictors by rotor parameters, each created on first use and closed with the others.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    in_worker : bool
+        Whether this process is a worker, see `Predictor`.
+    """
+
+    def __init__(self, *, in_worker: bool = False) -> None:
+        self._in_worker = in_worker
         self._lock = threading.Lock()
         self._by_key: dict[str, Predictor] = {}
 
@@ -348,7 +356,7 @@ class Predictors:
         key = prediction_map_key(parameters, speeds, settings)
         with self._lock:
             if key not in self._by_key:
-                self._by_key[key] = Predictor(parameters, settings, speeds)
+                self._by_key[key] = Predictor(parameters, settings, speeds, in_worker=self._in_worker)
             return self._by_key[key]
 
     def close(self) -> None:
@@ -365,18 +373,3 @@ class Predictors:
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _load_or_compute(
-    report_percent: Callable[[int], None],
-    file: Path,
-    parameters: ModelParameters,
-    speeds: FloatArray,
-    settings: AnalysisSettings,
-) -> PredictionMap:
-    """Load or compute a map; the function of the child process."""
-    return load_or_compute_map(
-        file,
-        partial(compute_prediction_map, parameters, speeds, settings),
-        lambda done, total: report_percent(100 * done // total),
-    )

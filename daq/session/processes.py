@@ -16,7 +16,7 @@ from enum import Enum
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Self, TypeVar
 
 from daq.errors import RigError
 
@@ -126,7 +126,7 @@ class WorkerProcess:
         function: Callable[..., ResultT],
         *arguments: object,
         time_limit: float = UNLIMITED,
-        on_progress: Callable[[Any], None] | None = None,
+        on_progress: Callable[..., None] | None = None,
     ) -> ResultT:
         """Return the result of a module-level function, run in the process; re-raise its exception.
 
@@ -137,7 +137,7 @@ class WorkerProcess:
         time_limit : float
             Time limit, s; the process is ended after it.
         on_progress : callable or None
-            Receives what the function reports: it has a callable, which sends its argument here, as first argument.
+            Receives what the function reports, whose first argument is then a callable that sends its arguments here.
 
         Raises
         ------
@@ -158,7 +158,7 @@ class WorkerProcess:
             pipe.send((function, arguments, on_progress is not None))
             message_type, content = pipe.recv()
             while message_type is _MessageType.PROGRESS and on_progress is not None:
-                on_progress(content)
+                on_progress(*content)
                 message_type, content = pipe.recv()
         except (OSError, EOFError) as error:
             self.kill()  # it may be about to end
@@ -254,7 +254,7 @@ def _work(pipe: Connection, niceness: int) -> None:
     lower_priority(niceness)
     threading.Thread(target=_exit_with_parent, name="parent", daemon=True).start()
 
-    def report_progress(progress: object) -> None:
+    def report_progress(*progress: object) -> None:
         pipe.send((_MessageType.PROGRESS, progress))
 
     with suppress(EOFError, OSError):

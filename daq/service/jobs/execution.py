@@ -23,7 +23,9 @@ from daq.service.jobs.queue import CatalogueLocation, Progress, ReportProgress
 from daq.service.jobs.schemas import PredictionMapSchema
 from daq.service.rendering import result_schema
 from daq.session.offline import summarise
-from daq.session.prediction_maps import CachedPredictionMap, CachedPredictionMaps
+from daq.session.prediction_maps import load_or_compute, map_file
+from daq.session.predictor import Predictors
+from model.prediction.prediction_map import default_map_speeds
 from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import ForeignFormatError, RunExistsError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table
@@ -83,7 +85,7 @@ def analysis_job(report: ReportProgress, target: Path, path: Path, kind: str, qu
 
 def summary_job(report: ReportProgress, target: Path, location: CatalogueLocation, run: str) -> None:
     """Write a run's summary and cache it."""
-    summaries = Summaries(location.catalogue(), CachedPredictionMaps())
+    summaries = Summaries(location.catalogue(), Predictors(in_worker=True))
     write_json(target, summaries.summary_with_agreement(run, ProgressThrottle(report).report))
 
 
@@ -91,7 +93,7 @@ def reanalysis_job(
     report: ReportProgress, target: Path, location: CatalogueLocation, run: str, calibrations: Mapping[str, Calibration]
 ) -> None:
     """Write the summary of a run analysed again with corrected calibrations."""
-    summaries = Summaries(location.catalogue(), CachedPredictionMaps())
+    summaries = Summaries(location.catalogue(), Predictors(in_worker=True))
     write_json(target, summaries.recalibrated_summary(run, calibrations, ProgressThrottle(report).report))
 
 
@@ -100,8 +102,8 @@ def prediction_job(report: ReportProgress, target: Path, header: RunHeader, chan
     config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=dict(changes))})
     report_fraction = fraction_reporter(report, "computing speed by speed")
-    cached_map = CachedPredictionMap(model_parameters(config), header.settings, header.limits)
-    prediction_map = cached_map.load_or_compute(lambda done, total: report_fraction(done / total))
+    model = model_parameters(config), default_map_speeds(header.limits.speed), header.settings
+    prediction_map = load_or_compute(lambda done, total: report_fraction(done / total), map_file(*model), *model)
     by_speed = tuple(predicted_vibration_schema(prediction_map.at(speed)) for speed in prediction_map.speeds.tolist())
     write_json(target, PredictionMapSchema(run=header.run, by_speed=by_speed))
 
