@@ -8,7 +8,7 @@ from typing import Annotated, Protocol
 
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.header import RunHeader, Severity
-from analysis.signals.snapshot import RunOut, Snapshot
+from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot
 from analysis.signals.units import MICROMETRE, NUMBER, RPM, TIME
 from model.prediction.prediction_map import Prediction
 from recordings.mcap.results import MAX_MARKER_LENGTH, Marker, MarkerKind
@@ -122,6 +122,11 @@ class LiveUpdate:
     snapshot: Snapshot | None = None
     prediction: Prediction | None = None
     runout: RunOut | None = None
+
+    @property
+    def order_frame(self) -> OrderFrame | None:
+        """The latest order frame; None before the first."""
+        return None if self.snapshot is None else self.snapshot.frame
 
 
 class LiveUpdateSink(Protocol):

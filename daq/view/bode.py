@@ -3,16 +3,15 @@
 import math
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import RampDirection, RampStep, RampTracker
 from analysis.signals.header import RunHeader
-from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.colours import MEASURED_X, MEASURED_Y, MODEL, TEXT, Color
-from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import MODEL_DASH, Anchor, Drawing, dimmed
-from model.prediction.prediction_map import Prediction
+from daq.session.live_update import LiveUpdate
+from daq.view.drawing import MODEL_DASH, AutoScale, Axis, Drawing, LivePlot, Plot, dimmed, stacked_axes
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -23,7 +22,7 @@ _FONT_SIZE = 7.0
 _DASH = 2.5  # length, of run-down lines
 
 
-class BodePlot:
+class BodePlot(LivePlot):
     """Bode plot of one run: run-up in solid lines, run-down dashed.
 
     The latest vector at each speed and ramp direction is shown. A reversal is detected with a delay; vectors since the
@@ -45,8 +44,9 @@ class BodePlot:
         self._scale = AutoScale(minimum=2.0, patience=3)
         self._compensated = False  # whether some vectors are compensated for run-out
 
-    def add(self, frame: OrderFrame | None, prediction: Prediction | None) -> None:
-        """Add the vectors of a frame and of a prediction."""
+    def add(self, update: LiveUpdate) -> None:
+        """Add the vectors of the order frame and of the prediction."""
+        frame, prediction = update.order_frame, update.prediction
         if frame is not None and math.isfinite(frame.speed):
             if self._ramp.update(frame.speed) is not RampStep.WITHIN:
                 self._measured[self._ramp.direction] = self._in_direction(self._ramp.direction)
@@ -63,10 +63,14 @@ class BodePlot:
     def _in_direction(self, direction: RampDirection) -> ComplexArray:
         """Return the measured vectors of a ramp direction by speed."""
         settled = self._measured[direction]
-        return settled if direction is not self._ramp.direction else _merged(self._since, settled)
+        return (
+            settled
+            if direction is not self._ramp.direction
+            else np.where(np.isfinite(self._since), self._since, settled)
+        )
 
-    def follow(self) -> tuple[float, bool, bool]:
-        """Update the scale; return its end, µm, and the state of the legend, to detect changed axes."""
+    def follow(self, update: LiveUpdate) -> tuple[float, bool, bool]:  # noqa: ARG002 - all vectors were added before
+        """Update the scale; return its end, µm, whether vectors are compensated, and whether there is a run-down."""
         drawn = np.stack([*self._measured.values(), self._since, self._predicted])
         self._scale.follow(float(np.nan_to_num(np.abs(drawn)).max()))
         return self._scale.end, self._compensated, self._has_run_down
@@ -77,31 +81,20 @@ class BodePlot:
 
     def axes(self) -> Drawing:
         """Return axes and legend."""
-        drawing = Drawing()
         amplitude, lag = self._plots()
-        amplitude.draw_frame(drawing, numbers=False)
-        lag.draw_frame(drawing)
-        right = 296.0
         which = "compensated, 2X dim" if self._compensated else "1X bright, 2X dim"
-        for name, color in (("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT)):
-            right -= drawing.text(name, (right, -0.8 * _FONT_SIZE), _FONT_SIZE, color, Anchor.RIGHT) + 8.0
+        drawing = stacked_axes(amplitude, lag, ("model", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X), (which, TEXT))
         if self._has_run_down:
-            which = "run-up solid, run-down dashed"
-            drawing.text(which, (296.0, lag.top - 0.8 * _FONT_SIZE), _FONT_SIZE, TEXT, Anchor.RIGHT)
+            lag.draw_legend(drawing, ("run-up solid, run-down dashed", TEXT))
         return drawing
 
-    def model(self) -> Drawing:
-        """Return the predicted curves."""
-        drawing = Drawing()
-        self._lines(drawing, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.2, MODEL_DASH)
-        return drawing
-
-    def measured(self) -> Drawing:
-        """Return the measured curves."""
-        drawing = Drawing()
+    def layers(self, update: LiveUpdate) -> dict[str, Drawing | rr.Image]:  # noqa: ARG002 - all vectors were added before
+        """Return the predicted and the measured curves."""
+        model, measured = Drawing(), Drawing()
+        self._lines(model, self._predicted, (MODEL, dimmed(MODEL, 0.75)), 2.2, MODEL_DASH)
         for direction, dash in ((RampDirection.RUN_DOWN, _DASH), (RampDirection.RUN_UP, 0.0)):
-            self._lines(drawing, self._in_direction(direction), (MEASURED_X, MEASURED_Y), 1.7, dash)
-        return drawing
+            self._lines(measured, self._in_direction(direction), (MEASURED_X, MEASURED_Y), 1.7, dash)
+        return {"model": model, "measured": measured}
 
     def _lines(
         self, drawing: Drawing, vectors: ComplexArray, colors: tuple[Color, Color], width: float, dash: float = 0.0
@@ -122,27 +115,14 @@ class BodePlot:
 
     def _plots(self) -> tuple[Plot, Plot]:
         speed = Axis(0.0, self._top, "speed, r/min", ticks=8)
-        upper = Plot(
-            0.0,
-            0.0,
-            300.0,
-            76.0,
-            speed,
-            Axis(0.0, self._scale.end, "amplitude, µm peak", ticks=3),
-            font_size=_FONT_SIZE,
-        )
-        lower = Plot(
-            0.0, 98.0, 300.0, 64.0, speed, Axis(0.0, 360.0, "1X phase lag, °", step=90.0), font_size=_FONT_SIZE
-        )
-        return upper, lower
+        amplitude = Axis(0.0, self._scale.end, "amplitude, µm peak", ticks=3)
+        lag = Axis(0.0, 360.0, "1X phase lag, °", step=90.0)
+        upper = Plot(0.0, 0.0, 300.0, 76.0, speed, amplitude, font_size=_FONT_SIZE)
+        return upper, Plot(0.0, 98.0, 300.0, 64.0, speed, lag, font_size=_FONT_SIZE)
 
 
 def _no_vectors() -> ComplexArray:
     return np.full((_BINS, 2, 2), np.nan, dtype=np.complex128)
-
-
-def _merged(newer: ComplexArray, older: ComplexArray) -> ComplexArray:
-    return np.where(np.isfinite(newer), newer, older)
 
 
 def _broken_at_wrap(speeds: FloatArray, lag: FloatArray) -> tuple[FloatArray, FloatArray]:

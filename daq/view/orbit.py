@@ -1,14 +1,17 @@
 """Orbit plot: measured and predicted, with keyphasor mark and clearance circle."""
 
+import math
+
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import OrderFrame
 from analysis.signals.units import MICROMETRE
 from daq.colours import BACKGROUND, CLEARANCE, LABEL, MEASURED_X, MODEL, TACHO, Color
-from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import Anchor, Drawing, dimmed
+from daq.session.live_update import LiveUpdate
+from daq.view.drawing import Anchor, AutoScale, Axis, Drawing, LivePlot, Plot, dimmed
 from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]
@@ -17,7 +20,7 @@ BOUNDS = ((-126.0, 106.0), (-113.0, 128.0))  # of the plane: x, y
 _FONT_SIZE = 6.5
 
 
-class OrbitPlot:
+class OrbitPlot(LivePlot):
     """Orbit plot of one run.
 
     Parameters
@@ -31,12 +34,12 @@ class OrbitPlot:
         self._points = header.settings.points_per_revolution
         self._scale = AutoScale(minimum=5.0)
 
-    def follow(self, frame: OrderFrame | None, prediction: Prediction | None) -> float:
-        """Update the scale; return its end, µm, to detect changed axes."""
-        orbits = [one.orbit for one in (frame, prediction) if one is not None and one.orbit.size]
-        if not orbits:
-            return self._scale.end
-        return self._scale.follow(max(float(np.hypot(*orbit).max()) / MICROMETRE for orbit in orbits))
+    def follow(self, update: LiveUpdate) -> float:
+        """Update the scale; return its end, µm."""
+        orbits = [one.orbit for one in (update.order_frame, update.prediction) if one is not None and one.orbit.size]
+        return self._scale.follow(
+            max((float(np.hypot(*orbit).max()) for orbit in orbits), default=math.nan) / MICROMETRE
+        )
 
     def axes(self) -> Drawing:
         """Return axes, legend, and the clearance circle, in a small inset where it exceeds the scale."""
@@ -63,7 +66,11 @@ class OrbitPlot:
         drawing.text("model", (-97.0, 88.0), 0.9 * _FONT_SIZE, MODEL)
         return drawing
 
-    def measured(self, frame: OrderFrame | None) -> Drawing:
+    def layers(self, update: LiveUpdate) -> dict[str, Drawing | rr.Image]:
+        """Return the predicted and the measured orbit."""
+        return {"model": self._model(update.prediction), "measured": self._measured(update.order_frame)}
+
+    def _measured(self, frame: OrderFrame | None) -> Drawing:
         """Return the measured orbit: last revolution bright, previous ones dimmed, dots at the keyphasor mark.
 
         With compensation, the compensated orbit is drawn over a dimmed last revolution as measured.
@@ -82,9 +89,9 @@ class OrbitPlot:
             self._marks(drawing, orbit, 3.6)
         return drawing
 
-    def model(self, prediction: Prediction | None, points: int) -> Drawing:
-        """Return the predicted orbit with ``points`` points per revolution."""
-        drawing = Drawing()
+    def _model(self, prediction: Prediction | None) -> Drawing:
+        """Return the predicted orbit."""
+        drawing, points = Drawing(), self._points
         if prediction is not None and prediction.orbit.size:
             orbit = prediction.orbit / MICROMETRE
             part = np.arange(orbit.shape[1]) % points * 2 * _DASHES // points

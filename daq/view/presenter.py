@@ -1,6 +1,6 @@
 """Layout of the live view, and logging of live updates to rerun; the same live and in replay."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -8,14 +8,13 @@ import rerun.blueprint as rrb
 from analysis.signals.header import RunHeader
 from daq.colours import BACKGROUND
 from daq.session.live_update import LiveUpdate
-from daq.view import banner, bode, orbit, spectral_maps, spectrum, status_text, traces
+from daq.view import bode, orbit
 from daq.view.bode import BodePlot
-from daq.view.drawing import Drawing
+from daq.view.drawing import Drawing, LivePlot
 from daq.view.orbit import OrbitPlot
-from daq.view.spectral_maps import CascadePlot, WaterfallPlot
-from daq.view.spectrum import SpectrumPlot
-from daq.view.status_text import details, signal_table
-from daq.view.traces import TracePlot, TrendPlot
+from daq.view.spectra import MAP_BOUNDS, SPECTRUM_BOUNDS, CascadePlot, SpectrumPlot, WaterfallPlot
+from daq.view.status import BANNER_BOUNDS, banner, details
+from daq.view.traces import TRACE_BOUNDS, TREND_BOUNDS, TracePlot, TrendPlot
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
 
@@ -29,13 +28,13 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
     """Return the layout for a run: banner; orbit, spectrum, cascade; Bode plot, traces, signals."""
     return rrb.Blueprint(
         rrb.Vertical(
-            _view_2d("banner", "Rig", banner.BOUNDS, titlebar=False),
+            _view_2d("banner", "Rig", BANNER_BOUNDS, titlebar=False),
             rrb.Horizontal(
                 _view_2d("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
-                _view_2d("spectrum", "Order spectrum (µm peak over shaft orders)", spectrum.BOUNDS),
+                _view_2d("spectrum", "Order spectrum (µm peak over shaft orders)", SPECTRUM_BOUNDS),
                 rrb.Tabs(
-                    _view_2d("cascade", "Cascade (spectra over speed, r/min)", spectral_maps.MAP_BOUNDS),
-                    _view_2d("waterfall", "Waterfall (spectra over time, s)", spectral_maps.MAP_BOUNDS),
+                    _view_2d("cascade", "Cascade (spectra over speed, r/min)", MAP_BOUNDS),
+                    _view_2d("waterfall", "Waterfall (spectra over time, s)", MAP_BOUNDS),
                     active_tab=0,
                 ),
                 column_shares=[1.05, 1.35, 1.4],
@@ -43,15 +42,11 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
             rrb.Horizontal(
                 _view_2d("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
                 rrb.Tabs(
-                    _view_2d("traces", "Traces (µm and V over ms)", traces.TRACE_BOUNDS),
-                    _view_2d("trend", "Trend (µm peak-to-peak and r/min over time)", traces.TREND_BOUNDS),
+                    _view_2d("traces", "Traces (µm and V over ms)", TRACE_BOUNDS),
+                    _view_2d("trend", "Trend (µm peak-to-peak and r/min over time)", TREND_BOUNDS),
                     active_tab=0,
                 ),
-                rrb.Tabs(
-                    _view_2d("signals", "Signals", status_text.BOUNDS),
-                    rrb.TextDocumentView(origin="/details", name="Details"),
-                    active_tab=0,
-                ),
+                rrb.TextDocumentView(origin="/details", name="Signals"),
                 column_shares=[1.25, 1.25, 1.1],
             ),
             row_shares=[1.0, 2.75, 2.25],
@@ -76,13 +71,13 @@ def _view_2d(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) 
     )
 
 
-_UNDER, _OVER, _TOP = 10.0, 20.0, 30.0  # draw order
+_UNDER, _OVER = 10.0, 20.0  # draw order of the axes, and of the first layer of a plot
 # Plots are drawn every so many updates, of ten per second. A browser without a graphics card draws about 25 entities
 # per second and skips none, so that sending more delays the display.
 _FAST = 3  # orbit and banner
-_MIDDLE = 6  # spectra, traces, signals
+_MIDDLE = 6  # spectra, traces, details
 _SLOW = 12  # cascade and Bode plot
-_SLOWEST = 24  # waterfall, trend, details
+_SLOWEST = 24  # waterfall, trend
 _REPEAT = 50  # updates between repeated axes, for late viewers whose oldest data was dropped
 
 
@@ -103,81 +98,37 @@ class Presenter:
         self._stream = stream
         self._timeline = timeline(header)
         self._count = 0
-        self._shown: dict[str, tuple[Hashable, int]] = {}
-        self._orbit = OrbitPlot(header)
-        self._spectrum = SpectrumPlot()
-        self._cascade = CascadePlot(header)
-        self._waterfall = WaterfallPlot(header)
-        self._bode = BodePlot(header)
-        self._traces = TracePlot()
-        self._trend = TrendPlot()
-        self._model_points = header.settings.points_per_revolution
+        self._shown: dict[str, tuple[Hashable, int]] = {}  # state of the axes of each plot, and when they were logged
+        self._plots: dict[str, tuple[LivePlot, int]] = {
+            "orbit": (OrbitPlot(header), _FAST),
+            "spectrum": (SpectrumPlot(), _MIDDLE),
+            "traces": (TracePlot(), _MIDDLE),
+            "cascade": (CascadePlot(header), _SLOW),
+            "bode": (BodePlot(header), _SLOW),
+            "waterfall": (WaterfallPlot(header), _SLOWEST),
+            "trend": (TrendPlot(), _SLOWEST),
+        }
 
     def show(self, update: LiveUpdate) -> None:
-        """Log the plots that are due for an update."""
+        """Log what is due for an update."""
         self._stream.set_time(self._timeline, duration=update.status.elapsed)
-        snapshot = update.snapshot
-        if snapshot is not None:
-            self._cascade.add(snapshot, update.prediction)
-            self._waterfall.add(snapshot, update.prediction, update.status.elapsed)
-            self._bode.add(snapshot.frame, update.prediction)
-            self._trend.add(snapshot, update.prediction, update.status.elapsed)
         if self._count % _FAST == 0:
-            banner.banner(update).log(self._stream, "banner")
-            self._show_orbit(update)
+            self._stream.log("banner", banner(update).archetype(draw_order=_OVER))
         if self._count % _MIDDLE == 0:
-            self._show_spectrum(update)
-            self._show_traces(update)
-            signal_table(update).log(self._stream, "signals")
-        if self._count % _SLOW == 0:
-            self._show_by_speed(update)
-        if self._count % _SLOWEST == 0:
-            self._show_waterfall(update)
-            self._show_trend(update)
             self._stream.log("details", rr.TextDocument(details(update), media_type=rr.MediaType.MARKDOWN))
+        for name, (plot, interval) in self._plots.items():
+            plot.add(update)
+            if self._count % interval == 0:
+                self._show_plot(name, plot, update)
         self._count += 1
 
-    def _show_orbit(self, update: LiveUpdate) -> None:
-        order_frame = update.snapshot.frame if update.snapshot is not None else None
-        self._axes("orbit/axes", self._orbit.follow(order_frame, update.prediction), self._orbit.axes)
-        self._orbit.model(update.prediction, self._model_points).log(self._stream, "orbit/model", draw_order=_OVER)
-        self._orbit.measured(order_frame).log(self._stream, "orbit/measured", draw_order=_TOP)
-
-    def _show_spectrum(self, update: LiveUpdate) -> None:
-        order_frame = update.snapshot.frame if update.snapshot is not None else None
-        self._axes("spectrum/axes", self._spectrum.follow(order_frame, update.prediction), self._spectrum.axes)
-        self._spectrum.model(update.prediction).log(self._stream, "spectrum/model", draw_order=_OVER)
-        self._spectrum.measured(order_frame).log(self._stream, "spectrum/measured", draw_order=_TOP)
-        labels = self._spectrum.labels(order_frame, update.prediction)
-        labels.log(self._stream, "spectrum/labels", draw_order=_TOP + 1.0)
-
-    def _show_traces(self, update: LiveUpdate) -> None:
-        self._axes("traces/axes", self._traces.follow(update.snapshot), self._traces.axes)
-        self._traces.lines(update.snapshot, update.status.markers).log(self._stream, "traces/lines", draw_order=_OVER)
-
-    def _show_by_speed(self, update: LiveUpdate) -> None:
-        order_frame = update.snapshot.frame if update.snapshot is not None else None
-        self._axes("cascade/axes", 0, self._cascade.axes)
-        self._stream.log("cascade/measured", self._cascade.picture())
-        self._cascade.lines(order_frame).log(self._stream, "cascade/model", draw_order=_TOP)
-        self._axes("bode/axes", self._bode.follow(), self._bode.axes)
-        self._bode.model().log(self._stream, "bode/model", draw_order=_OVER)
-        self._bode.measured().log(self._stream, "bode/measured", draw_order=_TOP)
-
-    def _show_waterfall(self, update: LiveUpdate) -> None:
-        self._axes("waterfall/axes", 0, self._waterfall.axes)
-        self._stream.log("waterfall/measured", self._waterfall.picture())
-        lines = self._waterfall.lines(update.status.elapsed, update.status.markers)
-        lines.log(self._stream, "waterfall/model", draw_order=_TOP)
-
-    def _show_trend(self, update: LiveUpdate) -> None:
-        elapsed = update.status.elapsed
-        self._axes("trend/axes", self._trend.follow(elapsed), lambda: self._trend.axes(elapsed))
-        self._trend.lines(elapsed, update.status.markers).log(self._stream, "trend/lines", draw_order=_OVER)
-
-    def _axes(self, path: str, state: Hashable, draw: Callable[[], Drawing]) -> None:
-        """Log the axes of a plot when its scale has changed, and every `_REPEAT` updates."""
-        state_before, count = self._shown.get(path, (None, -_REPEAT))
+    def _show_plot(self, name: str, plot: LivePlot, update: LiveUpdate) -> None:
+        """Log the layers of a plot, and its axes when its scale has changed and every `_REPEAT` updates."""
+        state = plot.follow(update)
+        state_before, count = self._shown.get(name, (None, -_REPEAT))
         if state != state_before or self._count - count >= _REPEAT:
-            draw().log(self._stream, path, draw_order=_UNDER)
-            self._shown[path] = (state, self._count)
+            self._stream.log(f"{name}/axes", plot.axes().archetype(draw_order=_UNDER))
+            self._shown[name] = (state, self._count)
+        for number, (part, layer) in enumerate(plot.layers(update).items()):
+            archetype = layer.archetype(draw_order=_OVER + number) if isinstance(layer, Drawing) else layer
+            self._stream.log(f"{name}/{part}", archetype)

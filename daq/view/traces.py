@@ -5,17 +5,16 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+import rerun as rr
 from numpy.typing import NDArray
 
-from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM
 from daq.colours import ALARM, LABEL, MARKER, MEASURED_X, MEASURED_Y, MODEL, TACHO, TEXT, Color
-from daq.session.live_update import TimedMarker
-from daq.view.axes import AutoScale, Axis, Plot
-from daq.view.drawing import MODEL_DASH, Anchor, Drawing
-from daq.view.stroke_font import text_width
-from model.prediction.prediction_map import Prediction
+from daq.session.live_update import LiveUpdate, TimedMarker
+from daq.view.drawing import MODEL_DASH, Anchor, AutoScale, Axis, Drawing, LivePlot, Plot, stacked_axes, text_width
 from recordings.mcap.results import MarkerKind
+
+FloatArray = NDArray[np.float64]
 
 _COLORS = {MarkerKind.NOTE: MARKER, MarkerKind.ALARM: ALARM, MarkerKind.ACKNOWLEDGED: LABEL}
 _MAX_LABEL_LENGTH = 26  # characters
@@ -45,12 +44,9 @@ def draw_horizontal_marker(drawing: Drawing, plot: Plot, at: float, marker: Time
 
 def _style(marker: TimedMarker) -> tuple[Color, str]:
     text = marker.marker.text
-    return _COLORS[marker.marker.kind], text if len(
-        text
-    ) <= _MAX_LABEL_LENGTH else f"{text[: _MAX_LABEL_LENGTH - 3]}..."
+    label = text if len(text) <= _MAX_LABEL_LENGTH else f"{text[: _MAX_LABEL_LENGTH - 3]}..."
+    return _COLORS[marker.marker.kind], label
 
-
-FloatArray = NDArray[np.float64]
 
 TRACE_BOUNDS = ((-34.0, 316.0), (-15.0, 192.0))
 _FONT_SIZE = 7.0
@@ -70,7 +66,7 @@ def min_max_decimated(values: FloatArray, points: int) -> tuple[NDArray[np.intp]
     return index, values[index]
 
 
-class TracePlot:
+class TracePlot(LivePlot):
     """Waveform plot of one run: both probes and the tacho."""
 
     def __init__(self) -> None:
@@ -78,8 +74,9 @@ class TracePlot:
         self._span = _SPANS[0]
         self._volts = 5.0
 
-    def follow(self, snapshot: Snapshot | None) -> tuple[float, float, float]:
-        """Update the scales; return their ends, to detect changed axes."""
+    def follow(self, update: LiveUpdate) -> tuple[float, float, float]:
+        """Update the scales; return their ends."""
+        snapshot = update.snapshot
         if snapshot is not None and snapshot.trace.time.size > 1:
             trace = snapshot.trace
             turn = 2.0 * math.pi / snapshot.speed if snapshot.speed > 0.0 else math.inf
@@ -91,20 +88,13 @@ class TracePlot:
 
     def axes(self) -> Drawing:
         """Return axes and legend."""
-        drawing = Drawing()
-        upper, lower = self._plots()
-        upper.draw_frame(drawing, numbers=False)
-        lower.draw_frame(drawing)
-        right = 296.0
-        for name, color in (("y", MEASURED_Y), ("x", MEASURED_X)):
-            right -= drawing.text(name, (right, -0.8 * _FONT_SIZE), _FONT_SIZE, color, Anchor.RIGHT) + 8.0
-        return drawing
+        return stacked_axes(*self._plots(), ("y", MEASURED_Y), ("x", MEASURED_X))
 
-    def lines(self, snapshot: Snapshot | None, markers: Sequence[TimedMarker] = ()) -> Drawing:
+    def layers(self, update: LiveUpdate) -> dict[str, Drawing | rr.Image]:
         """Return the waveforms and the markers in the time shown."""
-        drawing = Drawing()
+        drawing, snapshot = Drawing(), update.snapshot
         if snapshot is None or snapshot.trace.time.size < 2:
-            return drawing
+            return {"lines": drawing}
         trace = snapshot.trace
         upper, lower = self._plots()
         since = trace.time - trace.time[-1]
@@ -115,11 +105,11 @@ class TracePlot:
             drawing.line(upper.place(milliseconds[index], values), color, 1.5)
         index, values = min_max_decimated(trace.tacho[shown], _POINTS)
         drawing.line(lower.place(milliseconds[index], values), TACHO, 1.3)
-        for marker in markers:
+        for marker in update.status.markers:
             at = marker.time - float(trace.time[-1])
             if marker.marker.segment == snapshot.segment and -self._span <= at <= 0.0:
                 draw_vertical_marker(drawing, (upper, lower), at / MILLISECOND, marker)
-        return drawing
+        return {"lines": drawing}
 
     def _plots(self) -> tuple[Plot, Plot]:
         time = Axis(-self._span / MILLISECOND, 0.0, "time before now, ms", ticks=6)
@@ -130,21 +120,24 @@ class TracePlot:
 
 
 TREND_BOUNDS = ((-46.0, 316.0), (-15.0, 192.0))
-_TREND_FONT_SIZE = 7.0
 _INTERVAL = 0.5  # s between two points; overall vibration is the largest between them
 _TREND_SPANS = (60.0, 300.0, 1800.0)  # s: the shortest that holds the run, or the longest
 
 
-class TrendPlot:
+class TrendPlot(LivePlot):
     """Trend of overall vibration and speed over the last minutes, up to half an hour."""
 
     def __init__(self) -> None:
         self._points: deque[tuple[float, ...]] = deque(maxlen=round(_TREND_SPANS[-1] / _INTERVAL))
         self._scale = AutoScale(minimum=10.0)
         self._speed_scale = AutoScale(minimum=1000.0)
+        self._span = _TREND_SPANS[0]
 
-    def add(self, snapshot: Snapshot, prediction: Prediction | None, elapsed: float) -> None:
-        """Add the values of a snapshot and a prediction at a run time, s."""
+    def add(self, update: LiveUpdate) -> None:
+        """Add the values of the snapshot and the prediction."""
+        snapshot, prediction, elapsed = update.snapshot, update.prediction, update.status.elapsed
+        if snapshot is None:
+            return
         x, y = (float(value) / MICROMETRE for value in snapshot.peak_to_peak)
         model = math.nan if prediction is None else float(prediction.peak_to_peak.max()) / MICROMETRE
         speed = snapshot.speed / RPM
@@ -154,31 +147,25 @@ class TrendPlot:
         else:
             self._points.append((elapsed, x, y, model, speed))
 
-    def follow(self, elapsed: float) -> tuple[float, float, float]:
-        """Update the scales at a run time, s; return their ends, to detect changed axes."""
+    def follow(self, update: LiveUpdate) -> tuple[float, float, float]:
+        """Update the span and the scales; return their ends."""
+        elapsed = update.status.elapsed
+        self._span = next((span for span in _TREND_SPANS if elapsed <= span), _TREND_SPANS[-1])
         points = self._shown(elapsed)
         if len(points):
             self._scale.follow(float(np.nanmax(points[:, 1:4])))
             self._speed_scale.follow(float(np.fmax.reduce(points[:, 4])))
-        return self._span(elapsed), self._scale.end, self._speed_scale.end
+        return self._span, self._scale.end, self._speed_scale.end
 
-    def axes(self, elapsed: float) -> Drawing:
+    def axes(self) -> Drawing:
         """Return axes and legend."""
-        drawing = Drawing()
-        upper, lower = self._plots(elapsed)
-        upper.draw_frame(drawing, numbers=False)
-        lower.draw_frame(drawing)
-        right = 296.0
-        for name, color in (("model, larger of both", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X)):
-            right -= drawing.text(name, (right, -0.8 * _TREND_FONT_SIZE), _TREND_FONT_SIZE, color, Anchor.RIGHT) + 8.0
-        return drawing
+        return stacked_axes(*self._plots(), ("model, larger of both", MODEL), ("y", MEASURED_Y), ("x", MEASURED_X))
 
-    def lines(self, elapsed: float, markers: Sequence[TimedMarker]) -> Drawing:
-        """Return the curves and markers up to a run time, s."""
-        drawing = Drawing()
-        upper, lower = self._plots(elapsed)
-        span = self._span(elapsed)
-        unit = 60.0 if span > _TREND_SPANS[0] else 1.0
+    def layers(self, update: LiveUpdate) -> dict[str, Drawing | rr.Image]:
+        """Return the curves and markers."""
+        drawing, elapsed = Drawing(), update.status.elapsed
+        upper, lower = self._plots()
+        unit = 60.0 if self._span > _TREND_SPANS[0] else 1.0
         points = self._shown(elapsed)
         since = (points[:, 0] - elapsed) / unit
         for plot, column, color, dash in (
@@ -189,26 +176,21 @@ class TrendPlot:
         ):
             index, values = min_max_decimated(points[:, column], _POINTS)
             drawing.line(plot.place(since[index], values), color, 1.5, dash)
-        for marker in markers:
-            if elapsed - span <= marker.elapsed <= elapsed:
+        for marker in update.status.markers:
+            if elapsed - self._span <= marker.elapsed <= elapsed:
                 draw_vertical_marker(drawing, (upper, lower), (marker.elapsed - elapsed) / unit, marker)
-        return drawing
+        return {"lines": drawing}
 
     def _shown(self, elapsed: float) -> FloatArray:
         """Return the points in the time shown, shape (n, 5)."""
-        start = elapsed - self._span(elapsed)
+        start = elapsed - self._span
         return np.array([point for point in self._points if point[0] >= start]).reshape(-1, 5)
 
-    @staticmethod
-    def _span(elapsed: float) -> float:
-        return next((span for span in _TREND_SPANS if elapsed <= span), _TREND_SPANS[-1])
-
-    def _plots(self, elapsed: float) -> tuple[Plot, Plot]:
-        span = self._span(elapsed)
-        in_minutes = span > _TREND_SPANS[0]
-        length = span / 60.0 if in_minutes else span
+    def _plots(self) -> tuple[Plot, Plot]:
+        in_minutes = self._span > _TREND_SPANS[0]
+        length = self._span / 60.0 if in_minutes else self._span
         time = Axis(-length, 0.0, f"time before now, {'min' if in_minutes else 's'}", ticks=6)
         overall = Axis(0.0, self._scale.end, "overall, µm peak-to-peak", ticks=4)
         speed = Axis(0.0, self._speed_scale.end, "speed, r/min", ticks=3)
-        upper = Plot(0.0, 0.0, 300.0, 90.0, time, overall, font_size=_TREND_FONT_SIZE)
-        return upper, Plot(0.0, 110.0, 300.0, 52.0, time, speed, font_size=_TREND_FONT_SIZE)
+        upper = Plot(0.0, 0.0, 300.0, 90.0, time, overall, font_size=_FONT_SIZE)
+        return upper, Plot(0.0, 110.0, 300.0, 52.0, time, speed, font_size=_FONT_SIZE)

@@ -14,7 +14,7 @@ from daq.drivers.replay import ReplaySource
 from daq.session.live_update import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise
 from daq.session.replayed_run import ReplayedRun
-from daq.view.status_text import worst_alarm
+from daq.view.status import worst_alarm
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import MarkerKind

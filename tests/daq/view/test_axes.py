@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.signals.units import RPM
-from daq.view.axes import AutoScale, Axis, Plot, tick_step
-from daq.view.status_text import clock, disk_time, micrometres, replace_unprintable, rpm, vector
-from daq.view.stroke_font import text_strokes, text_width
+from daq.view.drawing import AutoScale, Axis, Plot, text_strokes, text_width, tick_step
+from daq.view.status import clock, disk_time, micrometres, replace_unprintable, rpm, vector
 from daq.view.traces import min_max_decimated
 
 

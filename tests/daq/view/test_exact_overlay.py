@@ -12,7 +12,7 @@ from daq.drivers.replay import ReplaySource
 from daq.schemas.live import live_schema
 from daq.session.predictor import Predictor
 from daq.session.replayed_run import ReplayedRun
-from daq.view.status_text import details
+from daq.view.status import details
 from model.rotor.gj90c import gj90c
 from recordings.mcap.reader import RunReader
 from tests.daq.conftest import RigFactory

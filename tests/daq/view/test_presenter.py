@@ -17,11 +17,10 @@ from analysis.signals.header import Severity
 from analysis.signals.snapshot import TachoState
 from daq.colours import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
-from daq.view.drawing import MODEL_DASH, Drawing
+from daq.view.drawing import MODEL_DASH, Drawing, text_strokes, text_width
 from daq.view.presenter import Presenter, timeline
-from daq.view.spectral_maps import COLUMNS, HIGHEST_ORDER, ROWS
-from daq.view.spectrum import FONT_SIZE, SpectrumPlot
-from daq.view.stroke_font import text_strokes, text_width
+from daq.view.spectra import COLUMNS, FONT_SIZE, HIGHEST_MAP_ORDER, ROWS, SpectrumPlot
+from daq.view.status import details
 from daq.view.traces import TrendPlot
 from recordings.mcap.results import Marker, MarkerKind
 from tests.daq.support.live_updates import (
@@ -36,7 +35,6 @@ from tests.daq.support.live_updates import (
 RUN = timeline(make_header())
 DRAWN = {
     "/banner",
-    "/signals",
     "/details",
     "/spectrum/labels",
     "/trend/axes",
@@ -137,14 +135,14 @@ def test_both_probes_have_separate_lines(run_up: Logged) -> None:
 
 def test_predicted_whirl_is_drawn_on_cascade_at_its_order(run_up: Logged) -> None:
     line = max(run_up.strips("/cascade/model", MODEL), key=len)
-    assert np.allclose(line[:, 0], 0.70 / HIGHEST_ORDER * COLUMNS, atol=1e-3)
+    assert np.allclose(line[:, 0], 0.70 / HIGHEST_MAP_ORDER * COLUMNS, atol=1e-3)
 
 
 def test_cascade_fills_rows_skipped_by_fast_run_up(tmp_path: Path) -> None:
     logged = Logged(make_live_updates(60)[:49], tmp_path / "fast.rrd")  # 247 r/min from frame to frame, 200 r/min a row
     row = logged.rows("/cascade/measured")[-1]
     picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
-    at_1x = picture[:, round(COLUMNS / HIGHEST_ORDER)].astype(int)
+    at_1x = picture[:, round(COLUMNS / HIGHEST_MAP_ORDER)].astype(int)
     assert np.all(at_1x[40:60] > 250)  # 8,000 to 12,000 r/min
 
 
@@ -182,7 +180,7 @@ def test_spectrum_labels_do_not_overlap() -> None:
     plot = SpectrumPlot()
     for update in map(with_second_whirl, make_live_updates(200)[::8]):
         assert update.snapshot is not None
-        plot.follow(update.snapshot.frame, update.prediction)
+        plot.follow(update)
         placed = plot.placed_labels(update.snapshot.frame, update.prediction)
         assert len(placed) >= 2
         for (left, bottom, name, _), (its_left, its_bottom, its_name, _) in itertools.combinations(placed, 2):
@@ -221,7 +219,7 @@ def test_orbit_is_drawn_with_y_up(tmp_path: Path) -> None:
 def test_cascade_is_bright_at_1x_up_to_the_speed_reached(run_up: Logged) -> None:
     row = run_up.rows("/cascade/measured")[-1]
     picture = np.array(row["Image:buffer"], dtype=np.uint8).reshape(ROWS, COLUMNS, 3).sum(axis=2)
-    at_1x = picture[:, round(COLUMNS / HIGHEST_ORDER)]
+    at_1x = picture[:, round(COLUMNS / HIGHEST_MAP_ORDER)]
     reached = round((1.0 - 13_000.0 / 20_000.0) * ROWS)
     assert at_1x[reached + 3] > 300  # 12,400 r/min
     assert np.all(at_1x[: reached - 5] == picture.min())  # above 14,000 r/min nothing has been
@@ -235,7 +233,7 @@ def test_updates_without_snapshot_prediction_or_speed_are_drawn(tmp_path: Path) 
     logged = Logged(
         [starting] * 20 + [replace(update, snapshot=still, prediction=None)] * 20 + [update], tmp_path / "few.rrd"
     )
-    assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/signals"}
+    assert logged.entities() - {"/"} >= {"/banner", "/orbit/axes", "/spectrum/axes", "/details"}
 
 
 def test_latched_alarm_stays_on_banner(tmp_path: Path) -> None:
@@ -288,12 +286,20 @@ def test_trend_retains_maxima_and_switches_to_minutes() -> None:
     assert update.snapshot is not None
     for k in range(1200):
         spike = 90e-6 if k == 1003 else 10e-6
-        plot.add(replace(update.snapshot, peak_to_peak=np.array([spike, 5e-6])), None, 0.1 * k)
-    assert plot.follow(119.9)[0] == 300.0
-    highest = min(strip[:, 1].min() for strip in _strips(plot.lines(119.9, ())))
-    assert highest == pytest.approx(90.0 * (1.0 - 90.0 / plot.follow(119.9)[1]), abs=0.5)
-    assert plot.follow(12.0)[0] == 60.0
-    assert plot.follow(1e5)[0] == 1800.0
+        snapshot = replace(update.snapshot, peak_to_peak=np.array([spike, 5e-6]))
+        plot.add(replace(at_time(update, 0.1 * k), snapshot=snapshot, prediction=None))
+    span, end, _ = plot.follow(at_time(update, 119.9))
+    assert span == 300.0
+    lines = plot.layers(at_time(update, 119.9))["lines"]
+    assert isinstance(lines, Drawing)
+    highest = min(strip[:, 1].min() for strip in _strips(lines))
+    assert highest == pytest.approx(90.0 * (1.0 - 90.0 / end), abs=0.5)
+    assert plot.follow(at_time(update, 12.0))[0] == 60.0
+    assert plot.follow(at_time(update, 1e5))[0] == 1800.0
+
+
+def at_time(update: LiveUpdate, elapsed: float) -> LiveUpdate:
+    return replace(update, status=replace(update.status, elapsed=elapsed))
 
 
 def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
@@ -302,7 +308,7 @@ def _strips(drawing: Drawing) -> list[NDArray[np.float64]]:
     return [np.array(strip) for strip in strips.as_arrow_array().to_pylist()]
 
 
-def test_orbit_and_signal_table_show_compensated_and_measured(tmp_path: Path) -> None:
+def test_orbit_and_details_show_compensated_and_measured(tmp_path: Path) -> None:
     update = make_live_updates(1)[0]
     plain = Logged([update], tmp_path / "plain.rrd")
     taken_off = Logged([with_second_whirl(with_runout(update))], tmp_path / "compensated.rrd")
@@ -314,6 +320,12 @@ def test_orbit_and_signal_table_show_compensated_and_measured(tmp_path: Path) ->
     assert "| compensated |" in text
     assert "0.31X 3.2 µm backward" in text
     assert "compensated" not in str(plain.rows("/details")[-1]["TextDocument:text"][0])
+
+
+def test_details_show_uncertainty_of_1x() -> None:
+    update = make_live_updates(1)[0]
+    assert "| **1X** peak, lag ± 0.07 µm, 80° |" in details(update)
+    assert "| compensated ± 0.08 µm, 2° |" in details(with_runout(update))
 
 
 def test_details_show_measured_and_predicted_components_below_1x(run_up: Logged) -> None:
