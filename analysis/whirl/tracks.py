@@ -1,9 +1,12 @@
 """Tracks of the components below 1X through a record, each classified as whirl or whip."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from analysis.signals import FloatArray
 from analysis.signals.uncertainty import noise_floor_sigma
@@ -16,6 +19,8 @@ MAX_BREAK_FRAMES = 4  # frame lengths without a component before it ends
 MIN_FRAMES = 4
 MIN_SPEED_RATIO = 1.05  # of the fastest to the slowest frame of a track that is classified
 EXPONENT_TOLERANCE = 0.25  # of the exponent of frequency against speed: 1 is whirl, 0 is whip
+MIN_PIECE = 0.02  # log of the speed, of either piece of a track that locks
+LOCK_GRID = 60  # lock speeds tried
 MAX_LOCK_RESIDUAL = 0.5  # of the fit with locking to the fit without
 
 
@@ -50,8 +55,9 @@ class SubsynchronousTrack:
     exponent, exponent_sigma : float
         Exponent of frequency against speed, f proportional to speed^exponent, over the whole track, and its standard
         deviation; NaN where unknown.
-    lock_speed : float
-        Speed from which the frequency is constant, rad/s; NaN except for `Behaviour.WHIRL_TO_WHIP`.
+    lock_speed, lock_speed_sigma : float
+        Speed from which the frequency is constant, and its standard deviation, rad/s; NaN except for
+        `Behaviour.WHIRL_TO_WHIP`.
     """
 
     times: FloatArray
@@ -62,9 +68,10 @@ class SubsynchronousTrack:
     backward: FloatArray
     sigma: FloatArray
     behaviour: Behaviour
-    exponent: float
-    exponent_sigma: float
-    lock_speed: float
+    exponent: float = math.nan
+    exponent_sigma: float = math.nan
+    lock_speed: float = math.nan
+    lock_speed_sigma: float = math.nan
 
     @property
     def amplitudes(self) -> FloatArray:
@@ -159,7 +166,6 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
     sigma = np.array([found[index].order_sigma[frame] for frame, index in links])
     speeds = order_map.speeds[frames]
     part = HANN.independent_frames(order_map.revolutions, order_map.step, frames.size) / frames.size
-    behaviour, exponent, exponent_sigma, lock = _behaviour(speeds, orders, part)
     return SubsynchronousTrack(
         times=order_map.times[frames],
         speeds=speeds,
@@ -168,47 +174,54 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
         forward=np.array([found[index].forward[frame] for frame, index in links]),
         backward=np.array([found[index].backward[frame] for frame, index in links]),
         sigma=noise_floor_sigma(order_map.noise[frames]) / np.sqrt(2.0),
-        behaviour=behaviour,
-        exponent=exponent,
-        exponent_sigma=exponent_sigma,
-        lock_speed=lock,
+        **_behaviour(speeds, orders, part),
     )
 
 
-def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> tuple[Behaviour, float, float, float]:
-    """Return behaviour, exponent, its standard deviation, and the lock speed, rad/s.
+def _behaviour(speeds: FloatArray, orders: FloatArray, independent: float) -> dict[str, Any]:
+    """Return the fields of a track that classify it.
 
+    Two laws of two parameters are fitted to the logarithms: f proportional to speed^exponent, and f proportional to the
+    speed up to a lock speed and constant from there on. The second is taken where its residual is less than half.
     ``independent`` is the number of independent frames over the number of frames, as frames share samples.
     """
     if float(speeds.max() / speeds.min()) < MIN_SPEED_RATIO:
-        return Behaviour.UNKNOWN, np.nan, np.nan, np.nan
+        return {"behaviour": Behaviour.UNKNOWN}
     log_speed, log_frequency = np.log(speeds), np.log(orders * speeds)
+    freedom = max(speeds.size * independent - 2.0, 1.0)
     away = log_speed - log_speed.mean()
     exponent = float(away @ log_frequency / (away @ away))
     residual = log_frequency - log_frequency.mean() - exponent * away
-    variance = float(residual @ residual) / max(speeds.size * independent - 2.0, 1.0)
-    sigma = float(np.sqrt(variance / (away @ away)))
-    lock_speed, lock_residual = _best_lock(log_speed, log_frequency)
     straight = float(residual @ residual)
-    inside = log_speed.min() + 0.02 < np.log(lock_speed) < log_speed.max() - 0.02
-    if (
-        inside
-        and lock_residual < MAX_LOCK_RESIDUAL * straight
-        and EXPONENT_TOLERANCE < exponent < 1.0 - 0.5 * EXPONENT_TOLERANCE
-    ):
-        return Behaviour.WHIRL_TO_WHIP, exponent, sigma, lock_speed
+    law = {"exponent": exponent, "exponent_sigma": float(np.sqrt(straight / freedom / (away @ away)))}
+    lock, lock_sigma, locked = _best_lock(log_speed, log_frequency, freedom)
+    if log_speed.min() + MIN_PIECE < lock < log_speed.max() - MIN_PIECE and locked < MAX_LOCK_RESIDUAL * straight:
+        speed = float(np.exp(lock))
+        return law | {
+            "behaviour": Behaviour.WHIRL_TO_WHIP,
+            "lock_speed": speed,
+            "lock_speed_sigma": speed * lock_sigma,
+        }
     if abs(exponent - 1.0) < EXPONENT_TOLERANCE:
-        return Behaviour.WHIRL, exponent, sigma, np.nan
-    return (Behaviour.WHIP if abs(exponent) < EXPONENT_TOLERANCE else Behaviour.NEITHER), exponent, sigma, np.nan
+        return law | {"behaviour": Behaviour.WHIRL}
+    return law | {"behaviour": Behaviour.WHIP if abs(exponent) < EXPONENT_TOLERANCE else Behaviour.NEITHER}
 
 
-def _best_lock(log_speed: FloatArray, log_frequency: FloatArray) -> tuple[float, float]:
-    """Return the best speed from which the frequency is constant, rad/s, and the residual sum of squares of logs."""
-    best = (np.nan, np.inf)
-    for lock in np.linspace(log_speed.min(), log_speed.max(), 60):
-        shape = np.minimum(log_speed, lock)
-        left = log_frequency - shape
-        square = float(np.sum((left - left.mean()) ** 2))
-        if square < best[1]:
-            best = (float(np.exp(lock)), square)
-    return best
+def _best_lock(log_speed: FloatArray, log_frequency: FloatArray, freedom: float) -> tuple[float, float, float]:
+    """Return the log of the best lock speed, its standard deviation, and the residual sum of squares there.
+
+    The slope of the residual with the lock is -1 in the frames above it and its mean elsewhere, whose sum of squares is
+    the curvature of the sum.
+    """
+
+    def left(lock: float) -> FloatArray:
+        rest = log_frequency - np.minimum(log_speed, lock)
+        return np.asarray(rest - rest.mean())
+
+    grid = np.linspace(log_speed.min(), log_speed.max(), LOCK_GRID)
+    lock = float(min(grid, key=lambda lock: float(left(lock) @ left(lock))))
+    step = float(grid[1] - grid[0])
+    found = minimize_scalar(lambda lock: float(left(lock) @ left(lock)), bounds=(lock - step, lock + step))
+    above = float(np.mean(log_speed > found.x))
+    curvature = log_speed.size * max(above * (1.0 - above), 1.0 / log_speed.size**2)
+    return float(found.x), float(np.sqrt(found.fun / freedom / curvature)), float(found.fun)
