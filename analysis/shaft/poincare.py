@@ -1,30 +1,37 @@
 """Poincaré sections, shaft positions at theta = 0, which separate subharmonic motion, whirl and chaos."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from fractions import Fraction
 
 import numpy as np
 
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals import FloatArray
+from analysis.spectra.order_map import order_map
+from analysis.spectra.windows import HANN
+from analysis.vectors.order_track import track_order
 
 MIN_REVOLUTIONS = 48  # for a classification of the pattern
-MAX_PERIOD = 6  # revolutions
+MAX_PERIOD = 8  # revolutions
+MAX_LOCK_UNCERTAINTY = 1e-3  # orders, 3 standard deviations: more does not exclude a whirl near the fraction
+MIN_DRIFT = 0.005  # turns of the component over the record: less is an error of the shaft angle
+MIN_TO_FLOOR = 3.0  # of the strongest component to the noise floor
+FRAME_REVOLUTIONS = 16
+MAX_ORDER = 2.5  # of the strongest component
 MAX_POINT_EXTENT = 0.01  # of the motion: points within that are one
 MAX_CLUSTER_SCATTER = 0.1  # within a cluster, of the extent of all points
-MIN_FILLED_SECTORS, MAX_RADIUS_SCATTER = (
-    10,
-    0.35,
-)  # of 16 sectors about the middle, and scatter of the radius of a curve
+MIN_CURVE_SHARE = 0.7  # of the extent of the points: less is more than one component
 
 
 class Pattern(StrEnum):
     """Pattern of the points of a Poincaré section."""
 
     POINT = "point"  # synchronous alone
-    CLUSTERS = "clusters"  # a subharmonic 1/k: rub, looseness
+    CLUSTERS = "clusters"  # a component locked to j/k of the speed: rub, looseness
     CURVE = "curve"  # a second, incommensurate frequency: whirl
-    CLOUD = "cloud"  # no pattern: chaos, noise, or whirl of varying amplitude
+    CLOUD = "cloud"  # no pattern: chaos, noise, or several components
     UNKNOWN = "unknown"  # too few revolutions
 
 
@@ -45,6 +52,11 @@ class PoincareSection:
     scatter : float
         For POINT and CLUSTERS the rms distance from the points one period before, over sqrt 2; otherwise the rms
         distance from their mean, m.
+    order, order_sigma : float
+        Order of the strongest component that is no whole order, from the drift of its phase over the record, and its
+        standard deviation; NaN for a point or too few revolutions.
+    revolutions_needed : int
+        Revolutions with which an unknown pattern can be classified, at the same noise; 0 where it is.
     """
 
     points: FloatArray
@@ -52,17 +64,25 @@ class PoincareSection:
     pattern: Pattern
     period: int
     scatter: float
+    order: float = math.nan
+    order_sigma: float = math.nan
+    revolutions_needed: int = 0
 
 
 def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSection:
     """Return the Poincaré section of a record at about constant speed.
+
+    The strongest component that is no whole order decides: its order follows from the drift of its phase over the whole
+    record. Points repeat only where that order is a fraction j/k within 3 standard deviations, and these are small
+    enough to exclude a whirl nearby.
 
     Parameters
     ----------
     record : AngularRecord
         At least 48 revolutions for a classification of the pattern.
     noise : float
-        Rms noise of the probes in one sample, m: points closer than 5 times that, or than 1 % of the motion, are one.
+        Rms noise of the probes in one sample, m. Points are one where they lie within 5 times that and no component
+        stands out, or within 1 % of the motion.
 
     Notes
     -----
@@ -74,35 +94,59 @@ def poincare_section(record: AngularRecord, noise: float = 0.0) -> PoincareSecti
     points = record.pair.to_bench(record.waveform[:, :, 0])
     points = points - points.mean(axis=1, keepdims=True)
     extent = float(np.sqrt(np.mean(np.sum(points**2, axis=0))))
+    section = PoincareSection(points, record.speeds, Pattern.UNKNOWN, 0, extent)
     if record.revolutions < MIN_REVOLUTIONS:
-        return PoincareSection(points, record.speeds, Pattern.UNKNOWN, 0, extent)
-    period, scatter = _period(points)
-    if extent <= max(5.0 * noise, MAX_POINT_EXTENT * float(record.waveform.std())):
-        return PoincareSection(points, record.speeds, Pattern.POINT, 1, extent)
-    if scatter < max(MAX_CLUSTER_SCATTER * extent, 2.0 * noise):
+        return replace(section, revolutions_needed=MIN_REVOLUTIONS)
+    order, sigma, size = _strongest_component(record)
+    if extent <= MAX_POINT_EXTENT * float(record.waveform.std()) or (extent <= 5.0 * noise and size == 0.0):
+        return replace(section, pattern=Pattern.POINT, period=1)
+    section = replace(section, order=order, order_sigma=sigma)
+    nearest = Fraction(order).limit_denominator(MAX_PERIOD)
+    period = nearest.denominator
+    scatter = float(np.sqrt(0.5 * np.mean(np.sum((points[:, period:] - points[:, :-period]) ** 2, axis=0))))
+    repeats = scatter < max(MAX_CLUSTER_SCATTER * extent, 2.0 * noise)
+    if abs(order - nearest) <= max(3.0 * sigma, MIN_DRIFT / record.revolutions) and repeats:
+        if 3.0 * sigma > MAX_LOCK_UNCERTAINTY:
+            needed = record.revolutions * (3.0 * sigma / MAX_LOCK_UNCERTAINTY) ** (2.0 / 3.0)
+            return replace(section, revolutions_needed=int(np.ceil(needed)))
         pattern = Pattern.POINT if period == 1 else Pattern.CLUSTERS
-        return PoincareSection(points, record.speeds, pattern, period, scatter)
-    pattern = Pattern.CURVE if _is_curve(points) else Pattern.CLOUD
-    return PoincareSection(points, record.speeds, pattern, 0, extent)
+        return replace(section, pattern=pattern, period=period, scatter=scatter)
+    without_noise = float(np.sqrt(max(extent**2 - 2.0 * noise**2, 0.0)))
+    is_curve = size > 0.0 and size >= MIN_CURVE_SHARE * without_noise
+    return replace(section, pattern=Pattern.CURVE if is_curve else Pattern.CLOUD)
 
 
-def _period(points: FloatArray) -> tuple[int, float]:
-    """Return the number of revolutions after which the points repeat best, and their distance then, m rms."""
-    misses = [
-        float(np.sqrt(0.5 * np.mean(np.sum((points[:, k:] - points[:, :-k]) ** 2, axis=0))))
-        for k in range(1, MAX_PERIOD + 1)
-    ]
-    best = min(misses)
-    period = next(k for k, miss in enumerate(misses, start=1) if miss <= 1.5 * best)
-    return period, misses[period - 1]
+def _strongest_component(record: AngularRecord) -> tuple[float, float, float]:
+    """Return order, its standard deviation, and rms displacement, m, of the strongest component besides whole orders.
 
-
-def _is_curve(points: FloatArray) -> bool:
-    """Return whether the points lie all around an ellipse about their mean."""
-    axes, _ = np.linalg.qr((points / np.abs(points).max()).T)  # an ellipse becomes a circle
-    radius = np.hypot(*axes.T)
-    sectors = np.unique(np.floor(np.arctan2(axes[:, 1], axes[:, 0]) / (np.pi / 8.0)))
-    return bool(sectors.size >= MIN_FILLED_SECTORS and radius.std() < MAX_RADIUS_SCATTER * radius.mean())
+    The displacement is 0 where no component stands out of the noise.
+    The phase of a component at a neighbouring order q drifts by its order minus q, in turns per revolution.
+    """
+    rest = record.with_waveform(record.waveform - record.waveform.mean(axis=1, keepdims=True))
+    spectra = order_map(rest, revolutions=FRAME_REVOLUTIONS, highest_order=MAX_ORDER)
+    size = np.sqrt(np.mean(np.abs(spectra.spectrum) ** 2, axis=(0, 1)))
+    line = HANN.main_lobe + int(np.argmax(size[HANN.main_lobe : -1]))
+    towards = 1 if size[line + 1] > size[line - 1] else -1
+    away = towards * float(HANN.interpolation.offset(size[line], size[line + towards]))
+    order = (line + float(np.clip(away, -0.5, 0.5))) / FRAME_REVOLUTIONS
+    track = track_order(rest, order, revolutions=FRAME_REVOLUTIONS)
+    probe = int(np.argmax(np.abs(track.vectors).mean(axis=1)))
+    phase, turns = np.unwrap(np.angle(track.vectors[probe])), track.step * np.arange(track.times.size)
+    turns = turns - turns.mean()
+    spread = float(turns @ turns)
+    drift = float(turns @ phase) / spread
+    left = phase - phase.mean() - drift * turns
+    independent = HANN.independent_frames(track.revolutions, track.step, phase.size)
+    noise = float(np.sum(track.phase_sigma[probe] ** 2)) / independent
+    variance = max(float(left @ left) / max(independent - 2.0, 1.0), noise)
+    X, Y = record.pair.vectors_to_bench(track.vectors)
+    displacement = float(np.sqrt(0.5 * np.mean(np.abs(X) ** 2 + np.abs(Y) ** 2)))
+    stands_out = size[line] > MIN_TO_FLOOR * float(np.median(spectra.noise))
+    return (
+        order + drift / (2.0 * np.pi),
+        float(np.sqrt(variance / spread)) / (2.0 * np.pi),
+        displacement if stands_out else 0.0,
+    )
 
 
 def bifurcation_diagram(record: AngularRecord, *, averaging_revolutions: int = 64) -> tuple[FloatArray, FloatArray]:

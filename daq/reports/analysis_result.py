@@ -120,6 +120,7 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     "onset_rpm": Quantity("r/min", "onset speed of the component"),
     "end_rpm": Quantity("r/min", "end speed of the component"),
     "lock_rpm": Quantity("r/min", "speed at which the frequency of the component locks"),
+    "lock_sigma_rpm": Quantity("r/min", "standard deviation of the lock speed"),
     "begin_s": Quantity("s", "start time of the component"),
     "end_s": Quantity("s", "end time of the component"),
     "direction": Quantity("", "forward or backward, relative to the rotation"),
@@ -135,6 +136,7 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     "minor_peak_um": Quantity("µm zero-to-peak", "half the minor axis; negative: backward"),
     "tilt_deg": Quantity("degrees", "angle of the major axis from X, anticlockwise"),
     "period": Quantity("", "revolutions after which the points repeat; 0: aperiodic"),
+    "revolutions_needed": Quantity("", "revolutions that would decide an unknown pattern; 0: it is known"),
     "scatter_um": Quantity("µm RMS", "scatter of the points about their pattern"),
     "slow_roll_drift": Quantity("", "relative change of 1X over the slow roll; above 0.2 the shaft moved"),
     "probe_gain_mismatch": Quantity(

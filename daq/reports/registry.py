@@ -210,6 +210,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
             "exponent",
             "exponent_sigma",
             "lock_rpm",
+            "lock_sigma_rpm",
             "direction",
             "behaviour",
         ),

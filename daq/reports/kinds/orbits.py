@@ -17,10 +17,10 @@ from daq.reports.run_samples import PreparedRecord, RunSamples, record_before_fr
 AVERAGED_REVOLUTIONS = 16  # for the vectors of a filtered orbit
 PATTERNS = {
     Pattern.POINT: "a point: synchronous only",
-    Pattern.CLUSTERS: "clusters: subharmonic 1/{period}",
-    Pattern.CURVE: "a closed curve: whirl at an irrational frequency ratio",
-    Pattern.CLOUD: "a cloud: chaos, noise, or a whirl of varying amplitude",
-    Pattern.UNKNOWN: "unknown: too few revolutions",
+    Pattern.CLUSTERS: "clusters: a component locked to {numerator}/{period} of the speed",
+    Pattern.CURVE: "a closed curve: whirl that is not locked to the speed",
+    Pattern.CLOUD: "a cloud: chaos, noise, or several components",
+    Pattern.UNKNOWN: "unknown: needs {needed:,} revolutions",
 }
 
 
@@ -125,13 +125,23 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
             Y_um=points[1],
         ),
         panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
-        scalars={"period": float(found.period), "scatter_um": scatter, **prepared.scalars},
+        scalars={
+            "period": float(found.period),
+            "scatter_um": scatter,
+            "order": found.order,
+            "order_sigma": found.order_sigma,
+            "revolutions_needed": float(found.revolutions_needed),
+            **prepared.scalars,
+        },
         remarks=(f"pattern of the points: {pattern}", *prepared.remarks),
     )
 
 
 def _pattern(found: PoincareSection) -> str:
-    return PATTERNS[found.pattern].format(period=found.period)
+    numerator = round(found.order * found.period) if found.period > 1 else 1
+    pattern = PATTERNS[found.pattern].format(period=found.period, numerator=numerator, needed=found.revolutions_needed)
+    order = "" if math.isnan(found.order) else f" ({found.order:.4f} ± {2.0 * found.order_sigma:.1g}X)"
+    return pattern + order
 
 
 MAX_DOTS = 20_000  # of a plot

@@ -152,6 +152,7 @@ def _table(tracks: tuple[SubsynchronousTrack, ...]) -> dict[str, np.ndarray]:
         "exponent": [track.exponent for track in tracks],
         "exponent_sigma": [track.exponent_sigma for track in tracks],
         "lock_rpm": [track.lock_speed / RPM for track in tracks],
+        "lock_sigma_rpm": [track.lock_speed_sigma / RPM for track in tracks],
     }
     texts = {
         "direction": ["forward" if track.is_forward else "backward" for track in tracks],

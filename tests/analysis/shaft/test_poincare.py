@@ -12,24 +12,52 @@ from analysis.signals.errors import RecordTooShortError
 Maker = Callable[..., AngularRecord]
 
 
+@pytest.mark.parametrize("revolutions", [64, 128])
 @pytest.mark.parametrize(
     ("order", "pattern", "period"),
-    [(2.0, Pattern.POINT, 1), (0.5, Pattern.CLUSTERS, 2), (1 / 3, Pattern.CLUSTERS, 3), (0.4631, Pattern.CURVE, 0)],
+    [
+        (2.0, Pattern.POINT, 1),
+        (0.5, Pattern.CLUSTERS, 2),
+        (1 / 3, Pattern.CLUSTERS, 3),
+        (1.5, Pattern.CLUSTERS, 2),
+        (3 / 7, Pattern.CLUSTERS, 7),
+        (1 / 8, Pattern.CLUSTERS, 8),
+        (0.4631, Pattern.CURVE, 0),
+        (0.49, Pattern.CURVE, 0),
+        (0.499, Pattern.CURVE, 0),
+        (0.17, Pattern.CURVE, 0),
+        (0.43, Pattern.CURVE, 0),
+        (0.333, Pattern.CURVE, 0),
+    ],
 )
-def test_subharmonics_are_clusters_and_whirl_is_a_curve(
-    make_angular: Maker, order: float, pattern: Pattern, period: int
+def test_locked_components_are_clusters_and_whirl_is_a_curve(
+    make_angular: Maker, order: float, pattern: Pattern, period: int, revolutions: int
 ) -> None:
-    record = make_angular((20.0, 1.0, 0.4), (8.0, order, 0.3), (3.0, -order, 0.0), noise=0.1, revolutions=128)
+    record = make_angular((20.0, 1.0, 0.4), (8.0, order, 0.3), (3.0, -order, 0.0), noise=0.1, revolutions=revolutions)
     section = poincare_section(record, noise=0.1)
-    assert (section.pattern, section.period) == (pattern, period)
-    assert section.points.shape == (2, 128)
-    if pattern is not Pattern.CURVE:
+    assert (section.pattern, section.period, section.revolutions_needed) == (pattern, period, 0)
+    assert section.points.shape == (2, revolutions)
+    if pattern is Pattern.CLUSTERS:
         assert section.scatter < 0.25
+    if pattern is not Pattern.POINT:
+        assert section.order == pytest.approx(order, abs=4.0 * section.order_sigma)
+        assert section.order_sigma < 2e-5
+
+
+def test_unresolved_whirl_is_unknown_with_the_revolutions_that_decide(make_angular: Maker) -> None:
+    circles = ((20.0, 1.0, 0.4), (2.0, 0.5, 0.3))
+    section = poincare_section(make_angular(*circles, noise=4.0, revolutions=48, points=16), noise=4.0)
+    assert (section.pattern, section.period) == (Pattern.UNKNOWN, 0)
+    assert 3.0 * section.order_sigma > 1e-3
+    assert 48 < section.revolutions_needed < 400
+    longer = make_angular(*circles, noise=4.0, revolutions=2 * section.revolutions_needed, points=16)
+    assert poincare_section(longer, noise=4.0).pattern is Pattern.CLUSTERS
 
 
 def test_chaos_is_a_cloud_and_few_revolutions_are_unknown(make_angular: Maker) -> None:
     assert poincare_section(make_angular(noise=5.0, revolutions=128), noise=0.1).pattern is Pattern.CLOUD
     assert poincare_section(make_angular((8.0, 0.5, 0.0), revolutions=40)).pattern is Pattern.UNKNOWN
+    assert poincare_section(make_angular((8.0, 0.5, 0.0), revolutions=40)).revolutions_needed == 48
     assert poincare_section(make_angular((8.0, 1.0, 0.0), revolutions=128)).pattern is Pattern.POINT
 
 

@@ -53,10 +53,18 @@ def test_whip_has_a_constant_frequency(make_angular: Maker) -> None:
     assert track.exponent == pytest.approx(0.0, abs=0.02)
 
 
-def test_whirl_to_whip_has_a_lock_speed(make_angular: Maker) -> None:
-    track = strongest(run_up(make_angular, lambda speed: np.minimum(0.47 * speed, 140.0), onset=120.0))
+@pytest.mark.parametrize("lock", [130.0, 150.0, 200.0, 300.0, 400.0, 450.0])
+def test_whirl_to_whip_has_a_lock_speed_in_any_part_of_its_range(make_angular: Maker, lock: float) -> None:
+    track = strongest(run_up(make_angular, lambda speed: np.minimum(0.47 * speed, 0.47 * lock)))
     assert track.behaviour is Behaviour.WHIRL_TO_WHIP
-    assert track.lock_speed / (2 * np.pi) == pytest.approx(140.0 / 0.47, rel=0.03)
+    assert track.lock_speed / (2 * np.pi) == pytest.approx(lock, rel=3e-4)
+    assert 0.0 < track.lock_speed_sigma < 1e-3 * track.lock_speed
+
+
+def test_frequency_with_the_root_of_the_speed_is_neither_whirl_nor_whip(make_angular: Maker) -> None:
+    track = strongest(run_up(make_angular, lambda speed: 6.8 * np.sqrt(speed)))
+    assert track.behaviour is Behaviour.NEITHER
+    assert np.isnan(track.lock_speed)
 
 
 def test_all_components_at_constant_speed_are_found(make_angular: Maker) -> None:
