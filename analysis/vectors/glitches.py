@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from analysis.signals import BoolArray, FloatArray
 from analysis.signals.probes import require_displacement
@@ -12,6 +13,9 @@ from analysis.tacho.shaft_angle import ShaftAngle
 LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)  # revolutions with which a sample is compared
 THRESHOLD = 6.0  # times the scatter of these revolutions at that angle
 MAX_REPAIRED = 3  # successive samples; longer glitches are counted but not repaired
+GLITCH_TIME = 2e-4  # s: longest glitch that is found during whirl
+MIN_ECHO_RATIO = 1.4  # of a glitch to its echo in a second difference; 2 without noise
+EDGE_SAMPLES = 5  # with the largest scatter of so many: the edge of a scratch moves between samples on a ramp
 CHUNK = 200_000  # samples
 
 
@@ -31,6 +35,9 @@ class Glitches:
         Number of glitches at each probe.
     unrepaired : tuple of int
         Runs too long to bridge at each probe: still in the samples.
+    smallest : ndarray of float64, shape (2,)
+        Size from which a glitch of a few samples is found at each probe, m: the median threshold; infinite where no
+        sample could be judged.
     """
 
     displacement: FloatArray
@@ -38,11 +45,7 @@ class Glitches:
     repaired: BoolArray
     count: tuple[int, int]
     unrepaired: tuple[int, int]
-
-    @property
-    def flagged_fraction(self) -> FloatArray:
-        """Fraction of the samples that is flagged, shape (2,)."""
-        return np.asarray(self.flagged.mean(axis=1), dtype=np.float64)
+    smallest: FloatArray
 
 
 def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, threshold: float = THRESHOLD) -> Glitches:
@@ -51,7 +54,8 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
     Each sample is compared with the median of the samples at the same shaft angle in the four revolutions before and
     after: a Hampel filter across revolutions, not along time. Surface marks and motion common to these revolutions
     stay. The threshold is based on the scatter of these revolutions at that angle, at least that of the whole record.
-    The samples are not filtered before.
+    Motion of other orders, as whirl, is scatter there: the same comparison is therefore made of second differences over
+    4 samples and over 0.2 ms as well, from which slow motion vanishes.
 
     Parameters
     ----------
@@ -74,20 +78,41 @@ def find_glitches(displacement: FloatArray, rate: float, angle: ShaftAngle, thre
         raise ValueError(f"threshold: {threshold} standard deviations, expected above 0")
     n = displacement.shape[1]
     first, last = max(int(np.ceil(angle.time(angle.first) * rate)), 0), min(int(angle.time(angle.last) * rate), n - 1)
-    off, scatter = np.zeros((2, n)), np.full((2, n), np.inf)
-    for begin in range(first, last + 1, CHUNK):
-        end = min(begin + CHUNK, last + 1)
-        off[:, begin:end], scatter[:, begin:end] = _compared(displacement, rate, angle, begin, end)
-    known = np.isfinite(scatter)
-    flagged = np.zeros((2, n), dtype=np.bool_)
-    for probe in range(2):
-        if known[probe].any():
-            usual = float(np.median(np.abs(off[probe, known[probe]])))
-            bar = threshold * MAD_TO_SIGMA * np.maximum(scatter[probe], usual)
-            flagged[probe] = np.abs(off[probe]) > np.maximum(bar, 1e-12)
+    flagged, smallest = np.zeros((2, n), dtype=np.bool_), np.full(2, np.inf)
+    for lag in {0, MAX_REPAIRED + 1, max(round(GLITCH_TIME * rate), MAX_REPAIRED + 1)}:
+        values = _second_difference(displacement, lag) if lag else displacement
+        off, scatter = np.zeros((2, n)), np.full((2, n), np.inf)
+        for begin in range(first, last + 1, CHUNK):
+            end = min(begin + CHUNK, last + 1)
+            off[:, begin:end], scatter[:, begin:end] = _compared(values, rate, angle, begin, end)
+        off[:, :lag] = off[:, n - lag :] = 0.0  # without a second difference
+        scatter = maximum_filter1d(scatter, EDGE_SAMPLES, axis=1, mode="nearest")
+        for probe in range(2):
+            known = np.isfinite(scatter[probe])
+            if known.any():
+                usual = float(np.median(np.abs(off[probe, known])))
+                bar = np.maximum(threshold * MAD_TO_SIGMA * np.maximum(scatter[probe], usual), 1e-12)
+                flagged[probe] |= (np.abs(off[probe]) > bar) & ~_echoes(off[probe], lag)
+                smallest[probe] = min(smallest[probe], float(np.median(bar[known])))
     clean, repaired = displacement.copy(), np.zeros((2, n), dtype=np.bool_)
     counts = [_bridge(clean[probe], flagged[probe], repaired[probe]) for probe in range(2)]
-    return Glitches(clean, flagged, repaired, (counts[0][0], counts[1][0]), (counts[0][1], counts[1][1]))
+    return Glitches(clean, flagged, repaired, (counts[0][0], counts[1][0]), (counts[0][1], counts[1][1]), smallest)
+
+
+def _second_difference(values: FloatArray, lag: int) -> FloatArray:
+    """Return each sample minus the mean of those ``lag`` before and after, shape (2, n); 0 at the ends."""
+    difference = np.zeros(values.shape)
+    difference[:, lag:-lag] = values[:, lag:-lag] - 0.5 * (values[:, : -2 * lag] + values[:, 2 * lag :])
+    return difference
+
+
+def _echoes(off: FloatArray, lag: int) -> BoolArray:
+    """Return which deviations of a second difference are half of an opposite one ``lag`` samples before or after."""
+    echoes = np.zeros(off.size, dtype=np.bool_)
+    if lag:
+        echoes[lag:] |= off[:-lag] * np.sign(off[lag:]) < -MIN_ECHO_RATIO * np.abs(off[lag:])
+        echoes[:-lag] |= off[lag:] * np.sign(off[:-lag]) < -MIN_ECHO_RATIO * np.abs(off[:-lag])
+    return echoes
 
 
 def _compared(
