@@ -3,18 +3,21 @@
 `OrderFrameBuilder` computes the order frame of the last whole revolutions, `Analyser` everything else.
 """
 
+import math
 from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from analysis.resampling.rate_conversion import HALF_WIDTH, DecimationPyramid, interpolate
+from analysis.resampling.rate_conversion import HALF_WIDTH, STOP_BAND, DecimationPyramid, interpolate
 from analysis.shaft.overall import glitch_samples, trimmed_extremes
-from analysis.signals import ComplexArray, FloatArray
+from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
 from analysis.signals.probes import ProbePair
 from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
-from analysis.signals.uncertainty import mean_angle_sigma, noise_floor_sigma
+from analysis.signals.uncertainty import clipping_sigma, mean_angle_sigma, noise_floor_sigma
 from analysis.spectra.order_map import order_spectrum, order_vectors
 from analysis.spectra.windows import HANN, WINDOWS, Window
 from analysis.tacho.edges import MAX_TIMESTAMP_DELAY, TachoEdgeReader
@@ -28,6 +31,7 @@ FLOOR_LINES = 6  # lines on either side of an order, beyond the main lobe, for t
 SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a frame
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
 FIT_REVOLUTIONS = 8  # revolutions before a frame that the fit of its shaft angle includes
+MAX_CLIPPED_INTERVALS = 256  # update intervals with clipped samples that are stored
 MAX_TRACE_POINTS = 1000  # approximately
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
@@ -36,9 +40,9 @@ class OrderFrameBuilder:
     """Builds order frames from the samples of a decimation pyramid.
 
     The angular grid has enough points G per revolution (``points_per_revolution``, doubled as needed) that the highest
-    order H lies below 0.2 G. The grid is read from the finest level of the pyramid without components above the order
-    G - H, which the grid would fold onto H. So nothing folds into the spectrum, and H lies below 0.25 of the rate of
-    that level, where filters and interpolation are accurate to 0.01 %.
+    order H lies below 0.2 G. The grid is read from the finest level of the pyramid without components, images of the
+    interpolation included, above the order G - H, which the grid would fold onto H. So nothing folds into the spectrum,
+    and H lies below 0.3 of the rate of that level, where filters and interpolation are accurate to 0.01 %.
 
     Parameters
     ----------
@@ -71,7 +75,8 @@ class OrderFrameBuilder:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
         self._runout = RunOutEstimator(settings.runout)
-        self._most_per_turn = 2.0 * (self._points - settings.highest_order)  # samples of the level, to avoid aliasing
+        # samples of the level, to avoid aliasing
+        self._most_per_turn = (self._points - settings.highest_order) / STOP_BAND
 
     def new_pyramid(self, first: int) -> DecimationPyramid:
         """Return an empty pyramid for every speed, for samples from index ``first`` on."""
@@ -83,7 +88,12 @@ class OrderFrameBuilder:
         return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)
 
     def build(
-        self, pyramid: DecimationPyramid, angle: SmoothAngle, first_turn: int, last_turn: int
+        self,
+        pyramid: DecimationPyramid,
+        angle: SmoothAngle,
+        first_turn: int,
+        last_turn: int,
+        clipping: Sequence[tuple[int, IntArray]] = (),
     ) -> OrderFrame | None:
         """Return the frame that ends at the last mark within the samples.
 
@@ -95,6 +105,9 @@ class OrderFrameBuilder:
             Time against revolutions, s.
         first_turn, last_turn : int
             Range of validity of the angle, revolutions.
+        clipping : sequence of (int, ndarray of int64, shape (2,))
+            Update intervals with clipped samples: index one past their last sample, and the most in a row at either
+            probe.
 
         Returns
         -------
@@ -119,10 +132,12 @@ class OrderFrameBuilder:
                 positions = (angle.time(turns) - self._skews) * scale - first
                 if positions.min() < HALF_WIDTH - 1 or positions.max() >= samples.shape[1] - 1 - HALF_WIDTH:
                     return None
-                return self._evaluate(interpolate(samples, positions), edges, angle.jitter)
+                inside = [longest for end, longest in clipping if end > edges[0] * self._rate]
+                clipped = np.max(inside, axis=0) * turn_rate / self._rate if inside else np.zeros(2)
+                return self._evaluate(interpolate(samples, positions), edges, angle.jitter, clipped)
         return None
 
-    def _evaluate(self, waveform: FloatArray, edges: FloatArray, jitter: float) -> OrderFrame:
+    def _evaluate(self, waveform: FloatArray, edges: FloatArray, jitter: float, clipped: FloatArray) -> OrderFrame:
         settings = self._settings
         revolutions = settings.revolutions
         waveform = waveform - waveform.mean(axis=1, keepdims=True)
@@ -136,7 +151,8 @@ class OrderFrameBuilder:
         orbit = orbit - orbit.mean(axis=1, keepdims=True)
         speed = float(2.0 * np.pi * revolutions / halves.sum())
         floors = [_floor_beside(spectrum, revolutions, order, noise, self._window) for order in (1, 2)]
-        sigma = noise_floor_sigma(np.array(floors))
+        widening = float(clipping_sigma(clipped, np.sqrt(2.0) * waveform.std(axis=1)).max())
+        sigma = np.hypot(noise_floor_sigma(np.array(floors)), widening)
         multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
         runout = self._runout.update(speed, multiples, sigma)
         return OrderFrame(
@@ -146,7 +162,7 @@ class OrderFrameBuilder:
             spectrum=spectrum,
             vectors=multiples[:2],
             noise=noise,
-            whirls=self._whirls(waveform, spectrum, noise, jitter * speed),
+            whirls=self._whirls(waveform, spectrum, noise, jitter * speed, widening),
             orbit=self._pair.to_bench(orbit),
             sigma=sigma,
             angle_sigma=float(mean_angle_sigma(np.asarray(speed), jitter, revolutions, self._window.noise_bandwidth)),
@@ -154,13 +170,16 @@ class OrderFrameBuilder:
             compensated_orbit=self._compensated_orbit(orbit, runout),
         )
 
-    def _whirls(self, waveform: FloatArray, spectrum: ComplexArray, noise: float, scatter: float) -> tuple[Whirl, ...]:
+    def _whirls(
+        self, waveform: FloatArray, spectrum: ComplexArray, noise: float, scatter: float, widening: float
+    ) -> tuple[Whirl, ...]:
         """Return the components below 1X, from the spectrum if it is a Hann spectrum, else from one for the search."""
         revolutions = self._settings.revolutions
         if self._window != HANN:
             spectrum = order_spectrum(waveform, revolutions)[1][:, : spectrum.shape[1]]
             noise = noise_floor(spectrum, revolutions)
-        return find_whirls(spectrum, revolutions, noise, self._pair, scatter)
+        found = find_whirls(spectrum, revolutions, noise, self._pair, scatter)
+        return tuple(replace(whirl, sigma=math.hypot(whirl.sigma, widening)) for whirl in found)
 
     def _compensated_orbit(self, orbit: FloatArray, runout: RunOut | None) -> FloatArray | None:
         """Return the orbit at the probes minus run-out, in bench axes; None where not requested or unknown."""
@@ -234,6 +253,7 @@ class Analyser:
         self._beyond = np.zeros(len(self._rows), dtype=np.int64)
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
         hops_in_a_turn = int(NO_PULSE_TIMEOUT / settings.update_interval) + 2
+        self._clipping: deque[tuple[int, IntArray]] = deque(maxlen=MAX_CLIPPED_INTERVALS)
         self._extremes: deque[tuple[int, FloatArray, FloatArray]] = deque(maxlen=hops_in_a_turn)
         self._restart(-1, 0)
 
@@ -245,6 +265,7 @@ class Analyser:
         self._train.restart()
         self._pyramid = self._frames.new_pyramid(first)
         self._extremes.clear()
+        self._clipping.clear()
 
     def add_block(self, block: SampleBlock) -> list[Snapshot]:
         """Add a block and return the snapshots that it completes.
@@ -283,7 +304,11 @@ class Analyser:
         self._filled = 0
         first, now = self._position - codes.shape[1], self._position / self._rate
         unsigned = codes.view(np.uint16)
-        self._clipped += np.count_nonzero((codes == CODE_MIN) | (codes == CODE_MAX), axis=1)
+        is_clipped = (codes == CODE_MIN) | (codes == CODE_MAX)
+        self._clipped += np.count_nonzero(is_clipped, axis=1)
+        longest = np.array([_longest_run(is_clipped[row]) for row in self._rows])
+        if longest.any():
+            self._clipping.append((self._position, longest))
         displacement, volts = np.empty((2, codes.shape[1])), np.empty((2, codes.shape[1]))
         for probe, row in enumerate(self._rows):
             places = unsigned[row].astype(np.intp)
@@ -324,7 +349,7 @@ class Analyser:
         report = self._train.report(state, angle.jitter)
         if state not in {TachoState.GOOD, TachoState.TOO_FAST}:
             return np.nan, report, None
-        return speed, report, self._frames.build(self._pyramid, angle, int(turns[0]), int(turns[-1]))
+        return speed, report, self._frames.build(self._pyramid, angle, int(turns[0]), int(turns[-1]), self._clipping)
 
     def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
         n = displacement.shape[1]
@@ -347,6 +372,14 @@ class Analyser:
             displacement=thinned - thinned.mean(axis=1, keepdims=True),
             tacho=tacho[::stride].copy(),
         )
+
+
+def _longest_run(flags: BoolArray) -> int:
+    """Return the largest number of successive true values."""
+    if not flags.any():
+        return 0
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max())
 
 
 def _calibrated_span(probe: Channel) -> tuple[float, float]:

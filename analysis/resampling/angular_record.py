@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from analysis.resampling.rate_conversion import HALF_WIDTH, DecimationPyramid, interpolate
+from analysis.resampling.rate_conversion import HALF_WIDTH, STOP_BAND, DecimationPyramid, interpolate
 from analysis.signals import CodeArray, FloatArray
 from analysis.signals.errors import AnalysisError, RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, Role
@@ -45,6 +45,8 @@ class AngularRecord:
         angle was given.
     clipped : tuple of int
         Samples of each probe at the limits of the converter range: the displacement there is too small.
+    clipped_fraction : ndarray of float64, shape (2, n_revolutions), or None
+        Fraction of them in each revolution; None where there are none.
     """
 
     waveform: FloatArray
@@ -56,6 +58,7 @@ class AngularRecord:
     is_measured: bool = True
     pulses: PulseRecord | None = None
     clipped: tuple[int, int] = (0, 0)
+    clipped_fraction: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape, marks = self.waveform.shape, (self.waveform.shape[1] + 1,) if self.waveform.ndim == 3 else None
@@ -105,6 +108,7 @@ class AngularRecord:
         return replace(
             self,
             waveform=self.waveform[:, begin:end],
+            clipped_fraction=None if self.clipped_fraction is None else self.clipped_fraction[:, begin:end],
             first_turn=self.first_turn + begin,
             times=self.times[begin : end + 1],
             time_sigma=self.time_sigma[begin : end + 1],
@@ -192,7 +196,7 @@ class _LevelReader:
     """
 
     def __init__(self, displacement: FloatArray, rate: float, skew: FloatArray, times: FloatArray, points: int) -> None:
-        max_per_turn = 2.0 * (1.0 - PASSBAND_FRACTION) * points  # samples of the level, to avoid aliasing
+        max_per_turn = (1.0 - PASSBAND_FRACTION) * points / STOP_BAND  # samples of the level, to avoid aliasing
         self._levels = np.maximum(np.ceil(np.log2(rate * np.diff(times) / max_per_turn)), 0).astype(np.int64)
         self._pyramid = DecimationPyramid(2, int(self._levels.max()) + 1, displacement.shape[1], 0)
         self._pyramid.push(displacement)
@@ -307,9 +311,15 @@ def angular_record_from_codes(
     rows = (acquisition.row(Role.PROBE_X), acquisition.row(Role.PROBE_Y))
     pair = ProbePair(acquisition.channels[rows[0]].angle, acquisition.channels[rows[1]].angle)
     skews = (rows[0] / acquisition.convert_rate, rows[1] / acquisition.convert_rate)
-    clipped = [int(np.count_nonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX))) for row in rows]
     record = angular_record(displacement, acquisition.rate, angle, pair, points=points, skews=skews)
-    return replace(record, pulses=pulses, clipped=(clipped[0], clipped[1]))
+    clipped = [np.flatnonzero((codes[row] == CODE_MIN) | (codes[row] == CODE_MAX)) for row in rows]
+    counts = (clipped[0].size, clipped[1].size)
+    if not any(counts):
+        return replace(record, pulses=pulses)
+    times = [samples / acquisition.rate + skew for samples, skew in zip(clipped, skews, strict=True)]
+    per_turn = np.stack([np.histogram(each, record.times)[0] for each in times])
+    fraction = per_turn / (acquisition.rate * np.diff(record.times))
+    return replace(record, pulses=pulses, clipped=counts, clipped_fraction=fraction)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

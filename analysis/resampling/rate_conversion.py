@@ -12,6 +12,7 @@ from analysis.signals import FloatArray
 HALF_BAND_REACH = 27  # samples on each side of the half-band filter, odd
 _HALF_BAND_BETA = 8.6  # of its Kaiser window: stop band 86 dB from 0.3 of the input rate
 HALF_WIDTH = 16  # samples used on each side
+STOP_BAND = 0.58  # of the sample rate: from there on the interpolation suppresses the images of the samples' spectrum
 _PHASES = 512  # rows of the kernel table between two samples
 _SINC_BETA = 7.7  # of the Kaiser window: error below 1e-3 up to 0.42 of the sample rate
 _BLOCK = 512  # positions whose weights and neighbours fit the cache of a core

@@ -43,6 +43,27 @@ def phase_sigma(amplitude: FloatArray, sigma: FloatArray, angle_sigma: FloatArra
     return np.asarray(np.minimum(np.hypot(ratio, order * angle_sigma), np.pi / np.sqrt(3.0)), dtype=np.float64)
 
 
+def clipping_sigma(fraction: FloatArray, amplitude: FloatArray) -> FloatArray:
+    """Return the standard deviation of an order's amplitude, of any order, in a waveform whose peaks are clipped.
+
+    Parameters
+    ----------
+    fraction : ndarray of float64
+        Fraction of the samples at a limit of the converter range.
+    amplitude : ndarray of float64
+        Root 2 times the rms of the waveform, m.
+
+    Notes
+    -----
+    A sine of amplitude A of which one peak is cut off over the angle 2a, a = pi fraction, lacks (A / pi) (sin a - a cos
+    a) of its mean; the amplitude of any line changes by at most twice that. The error lies between 0 and this bound, so
+    that its standard deviation is the bound over root 3 (JCGM 100:2008, 4.3.7).
+    """
+    half = np.pi * fraction
+    bound = 2.0 * amplitude / np.pi * (np.sin(half) - half * np.cos(half))
+    return np.asarray(bound / np.sqrt(3.0), dtype=np.float64)
+
+
 def independent_frames(weights: FloatArray, step: int, frames: int, *, of_power: bool = False) -> float:
     """Return the number of independent frames whose mean has the same variance as that of overlapping frames.
 

@@ -15,7 +15,7 @@ import numpy as np
 from analysis.resampling.angular_record import AngularRecord
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.probes import ProbePair
-from analysis.signals.uncertainty import mean_angle_sigma
+from analysis.signals.uncertainty import clipping_sigma, mean_angle_sigma
 from analysis.spectra.windows import HANN, Window
 
 CHUNK_FRAMES = 128
@@ -97,6 +97,18 @@ class RevolutionFrames:
         return np.asarray(change / (0.5 * (self._end - self._begin)), dtype=np.float64)
 
     @property
+    def clipping_sigma(self) -> FloatArray:
+        """Standard deviation of the amplitudes of all orders from clipped samples, shape (2, n), m peak."""
+        fraction = self._record.clipped_fraction
+        if fraction is None:
+            return np.zeros((2, len(self)))
+        relative = clipping_sigma(fraction, np.ones(1))
+        kernel = np.full(self.revolutions, 1.0 / self.revolutions)
+        mean = np.stack([np.convolve(row, kernel, mode="valid") for row in relative])[:, self._starts]
+        amplitude = np.concatenate([np.sqrt(2.0) * waveforms.std(axis=2) for _, waveforms in self.chunks()], axis=1)
+        return np.asarray(mean * amplitude, dtype=np.float64)
+
+    @property
     def angle_sigma(self) -> FloatArray:
         """Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad, shape (n,)."""
         return mean_angle_sigma(self.speeds, self._record.angle_jitter, self.revolutions, self._noise_bandwidth)
@@ -141,6 +153,8 @@ class OrderMap:
         Standard deviation of the speeds, rad/s; NaN without a tacho.
     angle_sigma : ndarray of float64, shape (n_frames,)
         Standard deviation of the angle, averaged over a frame, from the tacho jitter, rad.
+    clipping_sigma : ndarray of float64, shape (2, n_frames)
+        Standard deviation of the amplitudes from clipped samples, m peak; 0 without.
     pair : ProbePair
         Directions of the probes.
     """
@@ -157,6 +171,7 @@ class OrderMap:
     window: Window
     speed_sigma: FloatArray
     angle_sigma: FloatArray
+    clipping_sigma: FloatArray
     pair: ProbePair
 
     def amplitudes(self, scaling: Scaling = Scaling.PEAK) -> FloatArray:
@@ -222,6 +237,7 @@ def order_map(
         window=window,
         speed_sigma=frames.speed_sigma,
         angle_sigma=frames.angle_sigma,
+        clipping_sigma=frames.clipping_sigma,
         pair=record.pair,
     )
 

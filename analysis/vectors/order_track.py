@@ -99,7 +99,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     found = np.empty((2, len(frames), lines.size), dtype=np.complex128)
     for where, waveforms in frames.chunks():
         found[:, where] = waveforms @ kernel
-    sigma = np.tile(noise_floor_sigma(_floor(np.abs(found[:, :, 1:]))), (2, 1))
+    sigma = np.hypot(noise_floor_sigma(_floor(np.abs(found[:, :, 1:]))), frames.clipping_sigma)
     vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
     angle_sigma = frames.angle_sigma if record.is_measured else np.full(len(frames), np.inf)
     return OrderTrack(

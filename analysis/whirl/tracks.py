@@ -173,7 +173,7 @@ def _track(order_map: OrderMap, found: list[Components], links: list[tuple[int, 
         order_sigma=sigma,
         forward=np.array([found[index].forward[frame] for frame, index in links]),
         backward=np.array([found[index].backward[frame] for frame, index in links]),
-        sigma=noise_floor_sigma(order_map.noise[frames]) / np.sqrt(2.0),
+        sigma=np.hypot(noise_floor_sigma(order_map.noise), order_map.clipping_sigma.max(axis=0))[frames] / np.sqrt(2.0),
         **_behaviour(speeds, orders, part),
     )
 

@@ -180,6 +180,41 @@ def test_record_reports_repaired_pulses_and_clipped_samples(make_bench: Maker) -
     assert (record.pulses.filled, record.pulses.rejected) == (0, 0)
 
 
+@pytest.mark.parametrize(("turn_rate", "order"), [(500.0, 51.5), (500.0, 52.0), (980.0, 50.0), (600.0, 53.0)])
+def test_orders_near_the_grid_fold_onto_no_order_up_to_the_highest(
+    make_bench: Maker, turn_rate: float, order: float
+) -> None:
+    bench = make_bench(tacho={"response_time": 1e-6}, highest_order=12.0, noise=0.01 * MICROMETRE)
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.3), (20 * MICROMETRE, order, 0.1))
+    record = angular_record_from_codes(bench.acquisition, bench.codes(bench.steady(turn_rate), motion, 0.3))
+    assert record.highest_order == pytest.approx(12.8)
+    lines = order_map(record, highest_order=12.8).spectrum[:, :, 20:]
+    assert np.sqrt(np.mean(np.abs(lines) ** 2, axis=1)).max() < 0.005 * MICROMETRE
+    frame = bench.frames(bench.steady(turn_rate), motion, 0.3)[-1]
+    assert np.abs(frame.spectrum[:, 20:]).max() < 0.005 * MICROMETRE
+
+
+@pytest.mark.parametrize("fraction", [0.08, 0.13, 0.3])
+def test_clipped_samples_widen_the_uncertainty_of_all_orders(make_bench: Maker, fraction: float) -> None:
+    bench = make_bench(tacho=FAST)
+    true = 550 * MICROMETRE / np.cos(np.pi * fraction)  # one rail of the converter lies at 550 um
+    codes = bench.codes(bench.steady(200.0), bench.circles((true, 1.0, 0.3)), 0.5)
+    record = angular_record_from_codes(bench.acquisition, codes)
+    assert record.clipped_fraction is not None
+    assert record.clipped_fraction[0] == pytest.approx(fraction, abs=0.005)
+    half = np.pi * fraction
+    first = track_order(record, 1.0)
+    error = np.abs(first.vectors) - true
+    assert error[0] == pytest.approx(-true * (half - np.sin(half) * np.cos(half)) / np.pi, rel=0.02)
+    assert (np.abs(error) < 2.0 * first.sigma).all()
+    assert (np.abs(error) > 0.67 * first.sigma).all()  # 1.5 times as wide at most
+    second = track_order(record, 2.0)
+    assert (np.abs(second.vectors) < 2.0 * second.sigma).all()
+    frame = bench.frames(bench.steady(200.0), bench.circles((true, 1.0, 0.3)), 0.5)[-1]
+    assert (np.abs(np.abs(frame.vectors[0]) - true) < 2.0 * frame.sigma[0]).all()
+    assert (np.abs(frame.vectors[1]) < 2.0 * frame.sigma[1]).all()
+
+
 def test_section_of_a_record_has_the_same_times(make_angular: Callable[..., AngularRecord]) -> None:
     record = make_angular((1.0, 1.0, 0.0), revolutions=20)
     part = record.section(5, 12)
