@@ -3,22 +3,19 @@
 import argparse
 import re
 import time
-from collections.abc import Iterator
 from enum import EnumType
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
-from pydantic.fields import FieldInfo
+from pydantic import BaseModel, ValidationError
 
-from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.progress import TerminalOutput
+from daq.cli.arguments import AddCommand, add_json, add_run, show_examples
 from daq.cli.runs import find_run
-from daq.cli.terminal import Cell, align_columns, format_number, print_json, print_lines
+from daq.cli.terminal import Cell, NumberTable, TerminalOutput, format_number, grid, print_json, print_output
 from daq.errors import UsageError
 from daq.reports.analysis_result import QUANTITIES, AnalysisResult, analysis_schema
 from daq.reports.export import analysis_table, encode_analysis
-from daq.reports.parameters import MAX_ORDERS, AnalysisFormat, AnalysisQuery
+from daq.reports.parameters import MAX_ORDERS, AnalysisFormat
 from daq.reports.plots.panel import PlotStyle
 from daq.reports.registry import KINDS
 from daq.reports.run_samples import RunSamples
@@ -31,6 +28,8 @@ PLOT_FORMATS = {".svg": AnalysisFormat.SVG, ".png": AnalysisFormat.PNG, ".pdf": 
 PARAMETER_NAME = re.compile(r"`(\w+)`")  # another parameter in a description
 DEST_PREFIX = "parameter_"  # separates analysis parameters from other options
 FORMAT_PARAMETER = "format"  # no option: the suffix of -o sets the format
+
+Parameters = TypeVar("Parameters", bound=BaseModel)
 
 _EPILOG = """\
 Each kind prints a table; --json prints all data, -o FILE.svg, .png or .pdf
@@ -47,73 +46,64 @@ examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig analyse` with its kinds to the command line."""
-    command = add("analyse", lambda _: UsageError.exit_code)
-    command.epilog = _EPILOG
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command = add("analyse", run_analyse)
+    command.epilog, command.formatter_class = _EPILOG, argparse.RawDescriptionHelpFormatter
     kinds = command.add_subparsers(dest="kind", required=True, metavar="KIND")
     for name, kind in KINDS.items():
         text = f"{kind.description}."
         subcommand = kinds.add_parser(name, help=text, description=text)
-        subcommand.add_argument("recording", metavar="RUN", help="run id or file")
-        for field, info in kind.parameters.model_fields.items():
-            if field != FORMAT_PARAMETER:
-                _add_option(subcommand, field, info)
-        add_folder(subcommand)
-        subcommand.add_argument("--json", action="store_true", help="print all data as JSON")
-        subcommand.add_argument(
-            "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-            help=f"plot ({', '.join(PLOT_FORMATS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable",
-        )  # fmt: skip
+        add_run(subcommand)
+        add_parameters(subcommand, kind.parameters)
+        add_json(subcommand)
+        text = f"plot ({', '.join(PLOT_FORMATS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable"
+        subcommand.add_argument("-o", "--output", type=Path, action="append", default=[], metavar="FILE", help=text)
         show_examples(subcommand, f"rig analyse {name} RUN -o {name}.svg")
-        subcommand.set_defaults(run=run_analyse)
 
 
-def run_analyse(args: argparse.Namespace) -> int:
+def run_analyse(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Analyse a run and print or write the result; return the exit code."""
     kind = KINDS[args.kind]
-    parameters = _parameters(kind.parameters, args)
+    parameters = read_parameters(args, kind.parameters)
     for file in args.output:
         _require_writable(file)
-    catalogue, run_id = find_run(args.recording, args.folder)
-    console, started = TerminalOutput(), time.monotonic()
+    catalogue, run_id = find_run(args)
+    started = time.monotonic()
 
     def show_progress(doing: str, part: float | None) -> None:
         if time.monotonic() - started > PROGRESS_DELAY:
             console.progress(doing, part)
 
-    try:
-        with RunReader(catalogue.path(run_id)) as reader:
-            analysis = kind.analyse(RunSamples(reader, show_progress), parameters)
-    finally:
-        console.done()
+    with RunReader(catalogue.path(run_id)) as reader:
+        analysis = kind.analyse(RunSamples(reader, show_progress), parameters)
+    console.done()
     for file in args.output:
         _write_result(file, analysis, run_id, args.kind, parameters.plot_style())
     if args.json:
         print_json(analysis_schema(run_id, args.kind, analysis))
     else:
-        print_lines(_result_lines(analysis))
+        _print_result(analysis)
     return 0
 
 
-def _add_option(command: argparse.ArgumentParser, field: str, info: FieldInfo) -> None:
-    default = info.default
-    default_text = "" if default is None else f" (default: {default})"
-    choices = [each.value for each in type(default)] if isinstance(type(default), EnumType) else None
-    description = PARAMETER_NAME.sub(lambda named: _option(named[1]), f"{info.description}{default_text}")
-    description = description.replace("%", "%%")
-    metavar = None if choices else "VALUE"
-    command.add_argument(
-        _option(field), dest=f"{DEST_PREFIX}{field}", choices=choices, default=argparse.SUPPRESS, metavar=metavar,
-        help=description[:1].lower() + description[1:] if description[1:2].islower() else description,
-    )  # fmt: skip
+def add_parameters(command: argparse.ArgumentParser, model: type[BaseModel]) -> None:
+    """Add an option for each field of a model of parameters."""
+    for field, info in model.model_fields.items():
+        if field != FORMAT_PARAMETER:
+            choices = [each.value for each in type(info.default)] if isinstance(type(info.default), EnumType) else None
+            default = "" if info.default is None else f" (default: {info.default})"
+            text = PARAMETER_NAME.sub(lambda named: _option(named[1]), f"{info.description}{default}")
+            command.add_argument(
+                _option(field),
+                dest=f"{DEST_PREFIX}{field}",
+                choices=choices,
+                default=argparse.SUPPRESS,
+                metavar=None if choices else "VALUE",
+                help=(text[:1].lower() + text[1:] if text[1:2].islower() else text).replace("%", "%%"),
+            )
 
 
-def _option(field: str) -> str:
-    return f"--{field.replace('_', '-')}"
-
-
-def _parameters(model: type[AnalysisQuery], args: argparse.Namespace) -> AnalysisQuery:
-    """Return the analysis parameters given as options; UsageError names every invalid option."""
+def read_parameters(args: argparse.Namespace, model: type[Parameters]) -> Parameters:
+    """Return the parameters given as options; UsageError names every invalid option."""
     given = {
         name.removeprefix(DEST_PREFIX): value for name, value in vars(args).items() if name.startswith(DEST_PREFIX)
     }
@@ -122,6 +112,10 @@ def _parameters(model: type[AnalysisQuery], args: argparse.Namespace) -> Analysi
     except ValidationError as error:
         faults = [f"{_option(str(each['loc'][0]))} {each['input']}: {_fault_text(each)}" for each in error.errors()]
         raise UsageError("\n     ".join(faults)) from error
+
+
+def _option(field: str) -> str:
+    return f"--{field.replace('_', '-')}"
 
 
 def _fault_text(fault: Any) -> str:
@@ -154,19 +148,20 @@ def _write_result(file: Path, analysis: AnalysisResult, run_id: str, kind: str, 
         raise UsageError(f"-o {file}: {error.strerror or error}") from error
 
 
-def _result_lines(analysis: AnalysisResult) -> Iterator[str]:
-    """Yield a result for the terminal: the preview rows of its table, its scalars and remarks."""
-    yield analysis.title
+def _print_result(analysis: AnalysisResult) -> None:
+    """Print the preview rows of a result's table, its scalars and remarks."""
+    print_output(analysis.title)
     rows = analysis.preview_rows()
     if rows.size:
         names = [column.name for column in analysis.columns]
-        cells = zip(*(_cells(column.values[rows].tolist()) for column in analysis.columns), strict=True)
-        yield from align_columns(names, list(cells), stacked=True)
+        print_output(NumberTable(names, [_cells(column.values[rows].tolist()) for column in analysis.columns]))
     if rows.size < analysis.n_rows:
-        yield f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv"
-    for name, value in analysis.scalars.items():
-        yield f"{name:16}  {format_number(*_cells([value]))}  {QUANTITIES[name].description}"
-    yield from analysis.remarks
+        print_output(f"{rows.size} of {analysis.n_rows:,} rows; all with --json, or -o FILE.csv")
+    scalars = (
+        (f"{name:16}", format_number(*_cells([value])), QUANTITIES[name].description)
+        for name, value in analysis.scalars.items()
+    )
+    print_output(grid(*scalars), *analysis.remarks)
 
 
 def _cells(values: list[Cell]) -> list[Cell]:

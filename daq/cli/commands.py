@@ -9,7 +9,8 @@ from importlib.metadata import version
 from typing import TextIO
 
 from analysis.signals.errors import AnalysisError
-from daq.cli.terminal import use_ascii_fallback
+from daq.cli.arguments import Run
+from daq.cli.terminal import TerminalOutput, use_ascii_fallback
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
 from model.errors import ModelError, ParameterError
@@ -34,22 +35,22 @@ COMMANDS = {
     "check": ("preflight", "Check a rig file and its calibrations without hardware; all errors are reported together."),
     "devices": ("preflight", "List the connected devices: product, serial number, simulated, busy."),
     "preflight": ("preflight", "Check the rig before a run; report the remedy for each failed check."),
-    "calibrate": ("calibrate", "Calibrate a probe, or determine the tacho's switching levels."),
+    "calibrate": ("preflight", "Calibrate a probe, or determine the tacho's switching levels."),
     "record": ("recording", "Record a run with live view and REST, and print its summary."),
     "replay": ("recording", "Replay a recording through the live analysis and view."),
     "serve": ("recording", "Serve page and REST for the recorded runs until stopped."),
     "mark": ("markers", "Add a marker to the run that is recording, from another terminal."),
     "acknowledge": ("markers", "Acknowledge the alarms of the live run, from another terminal."),
-    "summary": ("summary", "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."),
+    "summary": ("runs", "Summarise a run: speeds, amplitudes, whirl, lost samples, agreement with the model."),
     "analyse": ("analyse", "Analyse a run's samples: orbit, Bode plot, cascade, orders, sub-synchronous …"),
     "index": ("runs", "Update the catalogue from the files; list new, changed, damaged and missing recordings."),
     "runs": ("runs", "List the recorded runs, newest first, filtered by the options given."),
     "annotate": ("runs", "Add a remark or tags to a run; the recording is not changed."),
-    "verify": ("verify", "Check a recording: checksums, indexes, continuity, sample counts, calibration."),
-    "recover": ("verify", "Copy the intact part of a damaged recording and list what is missing."),
+    "verify": ("runs", "Check a recording: checksums, indexes, continuity, sample counts, calibration."),
+    "recover": ("runs", "Copy the intact part of a damaged recording and list what is missing."),
     "import": ("exchange", "Import another program's file as a run."),
     "export": ("exchange", "Export a run or part of it to another format."),
-    "predict": ("model.predict", "Compute and show the model's prediction at the probes over speed."),
+    "predict": ("model.studies", "Compute and show the model's prediction at the probes over speed."),
     "model": ("model.studies", "Study the rotor model: modes, stability, waterfalls, sweeps, thesis figures."),
 }
 """Module of each command, below daq.cli, and what the command does."""
@@ -75,8 +76,10 @@ def rig_parser(command: str | None = None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parsers = {name: commands.add_parser(name, help=text, description=text) for name, (_, text) in COMMANDS.items()}
 
-    def add(name: str, run: Callable[[argparse.Namespace], int]) -> argparse.ArgumentParser:
+    def add(name: str, run: Run, *shared: Callable[[argparse.ArgumentParser], None]) -> argparse.ArgumentParser:
         parsers[name].set_defaults(run=run)
+        for add_arguments in shared:
+            add_arguments(parsers[name])
         return parsers[name]
 
     wanted = COMMANDS if command is None else {command} & COMMANDS.keys()
@@ -103,22 +106,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
         parser.print_help(sys.stderr)
         return UsageError.exit_code
     args = parser.parse_args(given)
+    console = TerminalOutput()
     try:
-        code: int = args.run(args)
+        code: int = args.run(args, console)
         sys.stdout.flush()
-    except RigError as error:
-        print(f"rig: {error}", file=sys.stderr)
-        return error.exit_code
-    except (RecordingError, ParameterError) as error:
-        print(f"rig: {error}", file=sys.stderr)
-        return UsageError.exit_code
-    except (AnalysisError, ModelError) as error:
-        print(f"rig: {error}", file=sys.stderr)
-        return RigError.exit_code
+    except (RigError, RecordingError, AnalysisError, ModelError) as error:
+        console.line(f"rig: {error}")
+        if isinstance(error, RigError):
+            return error.exit_code
+        return UsageError.exit_code if isinstance(error, RecordingError | ParameterError) else RigError.exit_code
     except BrokenPipeError:
         if not _is_reader_gone(sys.stdout):
             raise
         return EXIT_INTERRUPTED
+    finally:
+        console.done()
     return code
 
 

@@ -5,9 +5,9 @@ import math
 from functools import partial
 from pathlib import Path
 
-from daq.cli.arguments import AddCommand, add_folder, show_examples
-from daq.cli.progress import TerminalOutput
+from daq.cli.arguments import AddCommand, add_folder, add_run, show_examples, time_in_run
 from daq.cli.runs import find_run
+from daq.cli.terminal import TerminalOutput
 from daq.session.import_run import import_run
 from recordings.catalogue.catalogue import Catalogue, data_folder
 from recordings.exchange.export import pulses_table, results_table, samples_table
@@ -17,39 +17,24 @@ from recordings.mcap.reader import RunReader
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig import` and `rig export` to the command line."""
-    command = add("import", run_import)
-    command.add_argument("file", metavar="FILE", help=f"the file to read ({', '.join(IMPORT_FORMATS)})")
+    command = add("import", run_import, add_folder)
+    command.add_argument("file", type=Path, metavar="FILE", help=f"the file to read ({', '.join(IMPORT_FORMATS)})")
     text = "maps columns to the rig's channels, with units; described in docs/exchange.md"
-    command.add_argument("--mapping", required=True, metavar="MAP.TOML", help=text)
-    add_folder(command)
-
+    command.add_argument("--mapping", type=Path, required=True, metavar="MAP.TOML", help=text)
     show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
-    command = add("export", run_export)
-    command.add_argument("recording", metavar="RUN", help="run id or file")
-    command.add_argument(
-        "--to",
-        required=True,
-        metavar="FILE",
-        help=f"the new file; its suffix sets the format ({', '.join(EXPORT_FORMATS)})",
-    )
-    command.add_argument(
-        "--from",
-        dest="start",
-        type=_time,
-        default=0.0,
-        metavar="TIME",
-        help="10s, 1.5min … (default: start of the run)",
-    )
-    command.add_argument(
-        "--until", dest="stop", type=_time, default=math.inf, metavar="TIME", help="20s … (default: end of the run)"
-    )
+    command = add("export", run_export, add_run)
+    text = f"the new file; its suffix sets the format ({', '.join(EXPORT_FORMATS)})"
+    command.add_argument("--to", type=Path, required=True, metavar="FILE", help=text)
+    text = "10s, 1.5min … (default: start of the run)"
+    command.add_argument("--from", dest="start", type=time_in_run, default=0.0, metavar="TIME", help=text)
+    text = "20s … (default: end of the run)"
+    command.add_argument("--until", dest="stop", type=time_in_run, default=math.inf, metavar="TIME", help=text)
     command.add_argument("--segment", type=int, help="segment to export, from 0; needed where a run has several")
     instead = command.add_mutually_exclusive_group()
     instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of samples")
     text = "tacho edges timed by the counter instead of samples"
     instead.add_argument("--pulses", action="store_true", help=text)
-    add_folder(command)
     show_examples(
         command,
         "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",
@@ -57,10 +42,9 @@ def add_commands(add: AddCommand) -> None:
     )
 
 
-def run_import(args: argparse.Namespace) -> int:
+def run_import(args: argparse.Namespace, _console: TerminalOutput) -> int:
     """Import a file as a run; return the exit code."""
-    catalogue = Catalogue(data_folder(args.folder))
-    run_id, path = import_run(Path(args.file), Path(args.mapping), catalogue)
+    run_id, path = import_run(args.file, args.mapping, Catalogue(data_folder(args.folder)))
     with RunReader(path) as reader:
         channels = len(reader.header.acquisition.channels)
         rate = reader.header.acquisition.rate
@@ -68,30 +52,14 @@ def run_import(args: argparse.Namespace) -> int:
     return 0
 
 
-def run_export(args: argparse.Namespace) -> int:
+def run_export(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Export a run to a file; return the exit code."""
-    catalogue, run_id = find_run(args.recording, args.folder)
-    target, console = Path(args.to), TerminalOutput()
+    catalogue, run_id = find_run(args)
+    make_table = results_table if args.results else pulses_table if args.pulses else samples_table
     with RunReader(catalogue.path(run_id)) as reader:
-        make_table = results_table if args.results else pulses_table if args.pulses else samples_table
         reading = partial(console.progress, f"reading {run_id}")
         table = make_table(reader, args.start, args.stop, args.segment, reading)
-    write_table(target, table, partial(console.progress, f"writing {table.n_rows:,} rows"))
+    write_table(args.to, table, partial(console.progress, f"writing {table.n_rows:,} rows"))
     console.done()
-    names = ", ".join(column.name for column in table.columns)
-    print(f"{target}: {table.n_rows:,} rows of {names}")
+    print(f"{args.to}: {table.n_rows:,} rows of {', '.join(column.name for column in table.columns)}")
     return 0
-
-
-def _time(text: str) -> float:
-    """Return a time such as 0, 10s or 1.5min in s."""
-    for unit, factor in (("min", 60.0), ("h", 3600.0), ("s", 1.0), ("", 1.0)):
-        if text.endswith(unit):
-            try:
-                seconds = float(text.removesuffix(unit)) * factor
-            except ValueError:
-                break
-            if 0 <= seconds < math.inf:
-                return seconds
-            break
-    raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 10s or 1.5min")

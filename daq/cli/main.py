@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     handler = _StopSignalHandler()
     before = {number: signal.signal(number, handler) for number in stop_signals()}
     try:
-        from daq.cli.commands import run  # noqa: PLC0415 - Ctrl-C works already during the import
+        from daq.cli.commands import run
 
         handler.is_interrupting = True
         return EXIT_INTERRUPTED if handler.is_stop_received else run(arguments)
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _kill_children() -> None:
     """Kill child processes that a command left when it was interrupted during clean-up; Python would wait for them."""
-    from multiprocessing import active_children  # noqa: PLC0415 - loaded by now if there are any
+    from multiprocessing import active_children
 
     for child in active_children():
         if child.daemon:  # a recorder is no daemon: it finishes its file

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
-from daq.cli.arguments import AddCommand, add_client_address, show_examples
-from daq.cli.terminal import print_json
+from daq.cli.arguments import AddCommand, add_client_address, add_json, show_examples
+from daq.cli.terminal import TerminalOutput, print_json
 from daq.errors import UsageError
 
 RESPONSE_TIMEOUT = 5.0  # s
@@ -17,15 +17,10 @@ RESPONSE_TIMEOUT = 5.0  # s
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig mark` and `rig acknowledge` to the command line."""
-    command = add("mark", run_mark)
+    command = add("mark", run_mark, add_json, add_client_address)
     command.add_argument("text", metavar="TEXT", nargs="*", help="text of the marker (default: marker)")
-    command.add_argument("--json", action="store_true", help="print JSON")
-    add_client_address(command)
     show_examples(command, "rig mark knocking begins")
-
-    command = add("acknowledge", run_acknowledge)
-    command.add_argument("--json", action="store_true", help="print JSON")
-    add_client_address(command)
+    add("acknowledge", run_acknowledge, add_json, add_client_address)
 
 
 def post_to_live(args: argparse.Namespace, path: str, content: Mapping[str, str]) -> dict[str, Any]:
@@ -71,7 +66,7 @@ def _problem_detail(error: urllib.error.HTTPError) -> str:
         return f"HTTP {error.code} {HTTPStatus(error.code).phrase}"
 
 
-def run_acknowledge(args: argparse.Namespace) -> int:
+def run_acknowledge(args: argparse.Namespace, _console: TerminalOutput) -> int:
     """Acknowledge the alarms of the live run; return the exit code."""
     response = post_to_live(args, "acknowledge", {})
     if args.json:
@@ -84,7 +79,7 @@ def run_acknowledge(args: argparse.Namespace) -> int:
     return 0
 
 
-def run_mark(args: argparse.Namespace) -> int:
+def run_mark(args: argparse.Namespace, _console: TerminalOutput) -> int:
     """Add a marker to the run that is recording; return the exit code."""
     response = post_to_live(args, "markers", {"text": " ".join(args.text)})
     if args.json:

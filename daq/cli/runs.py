@@ -1,72 +1,34 @@
-"""`rig index`, `rig runs` and `rig annotate`: the catalogue of recorded runs."""
+"""Commands on recorded runs: `rig index`, `runs`, `annotate`, `summary`, `verify` and `recover`."""
 
 import argparse
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 from analysis.signals.units import RPM
-from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, show_examples, speed
-from daq.cli.progress import TerminalOutput
-from daq.cli.terminal import print_json
+from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, add_json, add_run, calibration, show_examples, speed
+from daq.cli.terminal import TerminalOutput, grid, print_json, print_output
 from daq.schemas.runs import IndexReportSchema, RunSchema, run_schema
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
 from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
-from recordings.integrity.verify import Verdict
-
-
-def find_run(recording: str, folder: str) -> tuple[Catalogue, str]:
-    """Return the catalogue and run id of a recording given by run id or file.
-
-    Raises
-    ------
-    NotFoundError
-        There is no such recording.
-    """
-    path = Path(recording)
-    if path.suffix == SUFFIX or path.is_file():
-        if not path.is_file():
-            raise NotFoundError(f"{path}: there is no such file")
-        catalogue, run_id = Catalogue(path.parent), path.stem
-    else:
-        catalogue, run_id = Catalogue(data_folder(folder)), recording
-    catalogue.path(run_id)
-    return catalogue, run_id
-
-
-def run_row(run: RunSchema) -> str:
-    """Return a run as one line of the list: id, duration, size, state and annotations."""
-    state = "complete" if run.is_complete else "incomplete"
-    if run.is_complete and not run.is_gap_free:
-        state = "samples lost"
-    if run.verdict not in ("", Verdict.SOUND):
-        state = run.verdict
-    size = f"{run.size_bytes / 1e6:9.1f} MB"
-    return "  ".join((run.run, f"{run.duration_s or 0.0:8.1f} s", size, run.fault or state, *annotation_texts(run)))
-
-
-def annotation_texts(run: RunSchema) -> list[str]:
-    """Return a run's tags, note and remark as printed."""
-    texts = [" ".join(text.split()) for text in (run.note or "", run.remark)]
-    return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in texts if text)]
-
+from recordings.integrity.recover import MissingSamples
+from recordings.integrity.verify import Verdict, Verification, verify
 
 NS_PER_SECOND = 1_000_000_000
 
 
 def add_commands(add: AddCommand) -> None:
-    """Add `rig index`, `rig runs` and `rig annotate` to the command line."""
-    command = add("index", run_index)
+    """Add the commands on recorded runs to the command line."""
+    command = add("index", run_index, add_folder, add_json)
     command.add_argument("--verify", action="store_true", help="verify the files not verified yet")
-    _add_folder_and_json(command)
 
-    command = add("runs", run_runs)
+    command = add("runs", run_runs, add_folder, add_json)
     command.add_argument("--since", type=_time_ns, metavar="TIME", help="started at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_time_ns, metavar="TIME", help="started before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="recorded with the rig of this name")
-    command.add_argument(
-        "--device", default="", metavar="SERIAL", help="recorded with the device of this serial number"
-    )
+    text = "recorded with the device of this serial number"
+    command.add_argument("--device", default="", metavar="SERIAL", help=text)
     text = "recorded with this calibration: an identity from --json, or its first digits"
     command.add_argument("--calibration", default="", metavar="IDENTITY", help=text)
     command.add_argument("--speed", type=_speed_range, metavar="LOW-HIGH", help="covers this speed range, r/min")
@@ -74,35 +36,79 @@ def add_commands(add: AddCommand) -> None:
     command.add_argument("--tag", action="append", default=[], help="has this tag; repeatable")
     text = "a sub-synchronous component started below this speed, r/min"
     command.add_argument("--onset-below", type=speed, metavar="RPM", help=text)
-    _add_folder_and_json(command)
     show_examples(
         command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
     )
 
-    command = add("annotate", run_annotate)
-    command.add_argument("recording", metavar="RUN", help="run id or file")
+    command = add("annotate", run_annotate, add_run, add_json)
     command.add_argument("--remark", help="replaces the run's remark")
     command.add_argument("--tag", action="append", default=[], help="tag to add; repeatable")
     command.add_argument("--untag", action="append", default=[], help="tag to remove; repeatable")
-    _add_folder_and_json(command)
     show_examples(command, 'rig annotate 2026-11-24T09-12-07-gj90c --remark "new bearing next"')
 
+    command = add("summary", run_summary, add_run, add_json)
+    text = (
+        "re-evaluate the samples with this calibration, as x=probe-x-2026-11-24.toml; repeatable; the recording is not "
+        "changed"
+    )
+    command.add_argument(
+        "--calibration", type=calibration, action="append", default=[], metavar="PROBE=FILE", help=text
+    )
+    show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
 
-def _add_folder_and_json(command: argparse.ArgumentParser) -> None:
-    add_folder(command)
-    command.add_argument("--json", action="store_true", help="print JSON")
+    add("verify", run_verify, add_run, add_json)
+    command = add("recover", run_recover, add_run, add_json)
+    text = "the copy (default: RUN-recovered.mcap beside it)"
+    command.add_argument("-o", dest="output", type=Path, metavar="NEW.MCAP", help=text)
 
 
-def run_index(args: argparse.Namespace) -> int:
+def find_run(args: argparse.Namespace) -> tuple[Catalogue, str]:
+    """Return the catalogue and run id of the recording given by run id or file.
+
+    Raises
+    ------
+    NotFoundError
+        There is no such recording.
+    """
+    path = Path(args.recording)
+    if path.suffix == SUFFIX or path.is_file():
+        if not path.is_file():
+            raise NotFoundError(f"{path}: there is no such file")
+        catalogue, run_id = Catalogue(path.parent), path.stem
+    else:
+        catalogue, run_id = Catalogue(data_folder(args.folder)), args.recording
+    catalogue.path(run_id)
+    return catalogue, run_id
+
+
+def print_runs(runs: list[RunSchema]) -> None:
+    """Print runs, one a row: id, duration, size, state and annotations."""
+    print_output(grid(*map(_run_row, runs)))
+
+
+def _run_row(run: RunSchema) -> tuple[str, str, str, str]:
+    state = "incomplete" if not run.is_complete else "complete" if run.is_gap_free else "samples lost"
+    if run.verdict not in ("", Verdict.SOUND):
+        state = run.verdict
+    texts = "  ".join((run.fault or state, *_annotations(run)))
+    return run.run, f"{run.duration_s or 0.0:8.1f} s", f"{run.size_bytes / 1e6:9.1f} MB", texts
+
+
+def _annotations(run: RunSchema) -> list[str]:
+    """Return a run's tags, note and remark as printed."""
+    texts = [" ".join(text.split()) for text in (run.note or "", run.remark)]
+    return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in texts if text)]
+
+
+def run_index(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Update the catalogue from the files; return the exit code."""
-    from daq.session.offline import summarise  # noqa: PLC0415 - the analysis takes a second to import, which `rig runs` need not wait
+    from daq.session.offline import summarise
 
-    console = TerminalOutput()
     catalogue = Catalogue(data_folder(args.folder))
     report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)
     console.done()
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
-    damaged = [run_id for run_id, fault in faults.items() if fault not in ("", "sound")]
+    damaged = [run_id for run_id, fault in faults.items() if fault not in ("", Verdict.SOUND)]
     if args.json:
         print_json(IndexReportSchema.of(report))
     else:
@@ -115,14 +121,14 @@ def run_index(args: argparse.Namespace) -> int:
     return INCOMPLETE if damaged else 0
 
 
-def run_runs(args: argparse.Namespace) -> int:
+def run_runs(args: argparse.Namespace, _console: TerminalOutput) -> int:
     """List runs; return the exit code."""
-    low, high = args.speed or (None, None)
+    low, high = (None, None) if args.speed is None else (each * RPM for each in args.speed)
     search = Search(
         started_from_ns=args.since,
         started_before_ns=args.before,
-        speed_low=None if low is None else low * RPM,
-        speed_high=None if high is None else high * RPM,
+        speed_low=low,
+        speed_high=high,
         text=args.text,
         tags=tuple(args.tag),
         onset_below=None if args.onset_below is None else args.onset_below * RPM,
@@ -132,28 +138,27 @@ def run_runs(args: argparse.Namespace) -> int:
     )
     catalogue = Catalogue(data_folder(args.folder))
     entries = catalogue.search(search) if search != Search() else catalogue.runs()
+    runs = [run_schema(entry) for entry in entries]
     if args.json:
-        print_json([run_schema(entry) for entry in entries])
-    elif entries:
-        for entry in entries:
-            print(run_row(run_schema(entry)))
+        print_json(runs)
+    elif runs:
+        print_runs(runs)
     else:
         print(f"no {'matching ' if search != Search() else ''}runs in {catalogue.folder}")
     return 0
 
 
-def run_annotate(args: argparse.Namespace) -> int:
+def run_annotate(args: argparse.Namespace, _console: TerminalOutput) -> int:
     """Set the remark and tags of a run; return the exit code."""
-    catalogue, run_id = find_run(args.recording, args.folder)
-    entry = catalogue.run(run_id)
+    catalogue, run_id = find_run(args)
     tags = None
     if args.tag or args.untag:
-        tags = (set(entry.tags) | set(args.tag)) - set(args.untag)
-    entry = catalogue.annotate(run_id, remark=args.remark, tags=tags)
+        tags = (set(catalogue.run(run_id).tags) | set(args.tag)) - set(args.untag)
+    run = run_schema(catalogue.annotate(run_id, remark=args.remark, tags=tags))
     if args.json:
-        print_json(run_schema(entry))
+        print_json(run)
     else:
-        print("  ".join((entry.id, *annotation_texts(run_schema(entry)))))
+        print("  ".join((run.run, *_annotations(run))))
     return 0
 
 
@@ -166,11 +171,88 @@ def _time_ns(text: str) -> int:
 
 
 def _speed_range(text: str) -> tuple[float, float]:
-    low, separator, high = text.partition("-")
     try:
-        speeds = float(low), float(high)
+        low, high = map(float, text.split("-"))
     except ValueError:
-        speeds = (0.0, -1.0)
-    if not separator or not 0 <= speeds[0] <= speeds[1]:
+        low, high = 0.0, -1.0
+    if not 0 <= low <= high:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a range of speed in r/min, such as 9000-12000")
-    return speeds
+    return low, high
+
+
+def run_summary(args: argparse.Namespace, console: TerminalOutput) -> int:
+    """Print the summary of a run; return the exit code."""
+    from daq.cli.run_text import print_summary
+    from daq.config.calibration import load_calibration
+    from daq.reports.run_summaries import Summaries
+    from daq.session.predictor import Predictors
+
+    catalogue, run_id = find_run(args)
+    calibrations = {name: load_calibration(path) for name, path in args.calibration}
+    with Predictors() as predictors:
+        summaries = Summaries(catalogue, predictors)
+        if calibrations:
+            summary = summaries.recalibrated_summary(run_id, calibrations, console.progress)
+        else:
+            summary = summaries.summary_with_agreement(run_id, console.progress)
+    console.done()
+    print_summary(summary, as_json=args.json)
+    return 0 if summary.is_gap_free else INCOMPLETE
+
+
+def run_verify(args: argparse.Namespace, console: TerminalOutput) -> int:
+    """Verify a recording; return the exit code."""
+    from daq.schemas.checks import VerificationSchema
+
+    catalogue, run_id = find_run(args)
+    verification = verify(catalogue.path(run_id), partial(console.progress, f"verifying {run_id}"))
+    console.done()
+    if args.json:
+        print_json(VerificationSchema.of(verification))
+    else:
+        findings = (
+            ("fault" if finding.is_fault else "note", finding.check.value, f"{finding.where}: {finding.what}")
+            for finding in verification.findings
+        )
+        print_output(_verdict(verification), grid(*findings))
+    return 0 if verification.verdict is Verdict.SOUND else INCOMPLETE
+
+
+def _plural(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _verdict(verification: Verification) -> str:
+    pulses = f"{verification.pulses:,} counter stamps, " if verification.pulses else ""
+    return (
+        f"{verification.path}: {verification.verdict.value}  {verification.samples:,} samples per channel, "
+        f"{_plural(verification.segments, 'segment')}, {pulses}{verification.chunks} intact chunks, "
+        f"{verification.size / 1e6:.1f} MB"
+    )
+
+
+def run_recover(args: argparse.Namespace, _console: TerminalOutput) -> int:
+    """Copy the intact part of a recording; return the exit code."""
+    from daq.schemas.checks import RecoverySchema
+    from recordings.integrity.recover import recover
+
+    catalogue, run_id = find_run(args)
+    source = catalogue.path(run_id)
+    recovery = recover(source, args.output or source.with_name(f"{source.stem}-recovered{SUFFIX}"))
+    if args.json:
+        print_json(RecoverySchema.of(recovery))
+    else:
+        print(
+            f"{recovery.target}: {recovery.samples:,} samples per channel in "
+            f"{_plural(len(recovery.segments), 'segment')}, {_plural(recovery.damaged_chunks, 'damaged chunk')} "
+            "left out"
+        )
+        print("\n".join(map(_missing_line, recovery.missing)) or "nothing is missing")
+    return INCOMPLETE if recovery.missing else 0
+
+
+def _missing_line(missing: MissingSamples) -> str:
+    if missing.stop is None:
+        return f"missing  segment {missing.segment}: everything after its first {missing.first} samples"
+    last = missing.stop - 1
+    return f"missing  segment {missing.segment}: samples {missing.first} to {last} ({missing.samples} per channel)"

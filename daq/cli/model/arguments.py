@@ -1,28 +1,37 @@
-"""Arguments of `rig model`: number ranges and values, model parameters of a file, errors of the model."""
+"""What the commands of `rig model` share: number ranges, the model of a file, output as table, JSON and plot."""
 
 import argparse
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from daq.cli.terminal import NumberTable, print_json, print_output
 from daq.config.loader import load_rig
 from daq.config.rig import model_parameters, parameters_from_tables, read_rotor
-from daq.errors import ConfigError, RigError, UsageError
-from model.errors import ModelError, ParameterError
+from daq.errors import ConfigError, UsageError
+from daq.schemas.study import study_schema
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
 from model.rotor.tables import TableError
+from model.studies.study import Plot, Study, Surface
+from recordings.file_operations import atomic_write
 
 FloatArray = NDArray[np.float64]
 
 MAX_VALUES = 1_000_000  # values in a range
+FORMATS = (".svg", ".png", ".pdf")
 
 
-def parameters_of(config: str | None) -> ModelParameters:
+def add_model_file(command: argparse.ArgumentParser) -> None:
+    """Add the argument RIG.TOML, a rig file or rotor file, of which the default is the GJ90C of the thesis."""
+    text = "rig file with [model], or rotor file (default: the GJ90C of the thesis)"
+    command.add_argument("config", type=Path, metavar="RIG.TOML", nargs="?", help=text)
+
+
+def parameters_of(file: Path | None) -> ModelParameters:
     """Return the model parameters of a rig file or rotor file; without a file the GJ90C of the thesis.
 
     Raises
@@ -30,27 +39,15 @@ def parameters_of(config: str | None) -> ModelParameters:
     ConfigError
         If the file cannot be read or is invalid.
     """
-    if config is None:
+    if file is None:
         return gj90c()
-    file = Path(config)
     tables = read_rotor(file)
     if "station" not in tables:  # only a rotor file has stations
         return model_parameters(load_rig(file).config)
     try:
         return parameters_from_tables(tables)
     except TableError as error:
-        raise ConfigError(config, list(error.faults)) from error
-
-
-@contextmanager
-def model_errors() -> Iterator[None]:
-    """Convert errors of the model to errors of the command line."""
-    try:
-        yield
-    except ParameterError as error:
-        raise UsageError(str(error)) from error
-    except ModelError as error:
-        raise RigError(str(error)) from error
+        raise ConfigError(str(file), list(error.faults)) from error
 
 
 def number_range(text: str) -> FloatArray:
@@ -84,30 +81,29 @@ def rising_range(text: str) -> FloatArray:
     return found
 
 
-def positive(text: str) -> float:
-    """Return a number above 0."""
+def plot_file(text: str) -> Path:
+    """Return the file of a plot."""
+    file = Path(text)
+    if file.suffix.lower() not in FORMATS:
+        raise argparse.ArgumentTypeError(f"{text}: expected a name that ends with {', '.join(FORMATS)}")
+    return file
+
+
+def show_study(study: Study, *, as_json: bool) -> None:
+    """Print a study as a table with remarks, or as JSON."""
+    if as_json:
+        print_json(study_schema(study))
+    else:
+        columns = list(zip(*(row.values() for row in study.rows()), strict=True))
+        print_output(study.title, NumberTable(list(study.columns), columns), *study.remarks)
+
+
+def save(plots: Sequence[Plot | Surface], file: Path) -> None:
+    """Draw plots, one below the other, into an SVG, PNG or PDF file."""
+    from daq.reports.plots.study_plots import render
+
     try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number above 0")
-    return value
-
-
-def non_negative(text: str) -> float:
-    """Return a number, 0 or more."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number, 0 or more")
-    return value
-
-
-def positive_integer(text: str) -> int:
-    """Return a whole number above 0."""
-    if not text.isdigit() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number above 0")
-    return int(text)
+        with atomic_write(file) as temporary:
+            temporary.write_bytes(render(plots, file.suffix.lower().removeprefix(".")))
+    except OSError as error:
+        raise UsageError(f"{file}: {error.strerror or error}, expected a writable file") from error

@@ -1,27 +1,45 @@
-"""`rig model`: its subcommands, with the arguments of the studies."""
+"""`rig model` with its studies, and `rig predict`."""
 
 import argparse
+import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from rich.table import Table
 
-from analysis.signals.units import MICROMETRE
-from daq.cli.arguments import AddCommand
-from daq.cli.model.arguments import (
-    model_errors,
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from daq.cli.arguments import (
+    AddCommand,
+    add_json,
+    add_rig_file,
     non_negative,
-    number_range,
-    parameters_of,
     positive,
     positive_integer,
-    rising_range,
+    show_examples,
+    speed,
 )
-from daq.cli.model.output import add_output, check_output, show_study
+from daq.cli.model.arguments import (
+    add_model_file,
+    number_range,
+    parameters_of,
+    plot_file,
+    rising_range,
+    save,
+    show_study,
+)
 from daq.cli.model.sweep import add_sweep
 from daq.cli.model.thesis import add_thesis
-from daq.errors import UsageError
+from daq.cli.terminal import TerminalOutput, print_json, print_output
+from daq.config.loader import load_rig
+from daq.config.rig import Rig, model_parameters
+from daq.errors import RigError, UsageError
+from daq.schemas.live import predicted_vibration_schema
+from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
+from model.errors import ModelError
 from model.films.finite_film import Grid
 from model.films.lubrication import Lubrication, nominal_lubrication, thesis_like_lubrication
+from model.prediction.prediction_map import Prediction, PredictionMap, refine
 from model.rotor.parameters import ModelParameters
 from model.studies.films import film_study, lubrication_study
 from model.studies.linear_studies import (
@@ -37,10 +55,10 @@ from model.studies.onset import onset_study
 from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_study
 from model.studies.study import Study
 
-AddParser = Callable[[str, str], argparse.ArgumentParser]
 Compute = Callable[[ModelParameters, argparse.Namespace], Study]
+AddStudy = Callable[[str, Compute, str], argparse.ArgumentParser]
 
-
+_SPEED_STEP = 1000 * RPM  # rad/s between the rows of the prediction
 _EPILOG = """\
 RANGE is FIRST:LAST:COUNT (FIRST:LAST:COUNT:log for equal ratios), or values
 separated by commas. RIG.TOML may be a rotor file; the default is the GJ90C of
@@ -49,164 +67,155 @@ the thesis. Every study prints a table; --json prints it as JSON, -o FILE.svg,
 """
 
 
-def add_commands(add_command: AddCommand) -> None:
-    """Add `rig model` with its studies to the command line."""
-    parser = add_command("model", lambda _: UsageError.exit_code)
-    parser.epilog = _EPILOG
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+def add_commands(add: AddCommand) -> None:
+    """Add `rig model` with its studies, and `rig predict`, to the command line."""
+    command = add("predict", run_predict, add_rig_file, add_json)
+    text = "only the settled motion there"
+    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help=text)
+    command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
+    show_examples(command, "rig predict rigs/bench.toml --speed 11000")
+
+    parser = add("model", _run_study)
+    parser.epilog, parser.formatter_class = _EPILOG, argparse.RawDescriptionHelpFormatter
     studies = parser.add_subparsers(dest="study", required=True, metavar="STUDY")
 
-    def add(name: str, text: str) -> argparse.ArgumentParser:
-        return studies.add_parser(name, help=text, description=text, allow_abbrev=False)
-
-    add_studies(add)
-    add_sweep(add)
-    add_thesis(add)
-
-
-def add_studies(add: AddParser) -> None:
-    """Add the subcommands of all studies; ``add`` takes name and description."""
-
     def study(name: str, compute: Compute, text: str) -> argparse.ArgumentParser:
-        command = add(name, text)
-        add_output(command)
-        command.set_defaults(run=lambda args: _run(compute, args))
+        command = studies.add_parser(name, help=text, description=text, allow_abbrev=False)
+        add_model_file(command)
+        add_json(command)
+        text = "draw the plots"
+        command.add_argument("-o", "--output", type=plot_file, metavar="FILE.svg|.png|.pdf", help=text)
+        command.set_defaults(compute=compute)
         return command
 
     _add_linear(study)
     _add_nonlinear(study)
     _add_static_films(study)
+    add_sweep(studies)
+    add_thesis(studies)
 
 
-Add = Callable[[str, Compute, str], argparse.ArgumentParser]
+def _run_study(args: argparse.Namespace, _console: TerminalOutput) -> int:
+    """Compute, draw and print a study; return the exit code."""
+    study: Study = args.compute(parameters_of(args.config), args)
+    if args.output is not None:
+        save(study.plots, args.output)
+    show_study(study, as_json=args.json)
+    return 0
 
 
-def _run(compute: Compute, args: argparse.Namespace) -> int:
-    check_output(args)
-    parameters = parameters_of(args.config)
-    with model_errors():
-        study = compute(parameters, args)
-    return show_study(study, args)
-
-
-def _add_linear(study: Add) -> None:
-    command = study("modes", _modes, "Natural frequencies and mode shapes, free or on springs.")
-    supports = command.add_mutually_exclusive_group()
-    _add_stiffness(supports, "free, or on the rotor's own supports")
-    command.add_argument(
-        "--speed-rad-s", type=non_negative, default=0.0, metavar="SPEED", help="of the shaft (default: 0)"
+def _add_linear(study: AddStudy) -> None:
+    command = study(
+        "modes",
+        lambda p, args: modes_study(p, args.stiffness_n_m, args.speed_rad_s, args.count),
+        "Natural frequencies and mode shapes, free or on springs.",
     )
-    command.add_argument("--count", type=positive_integer, default=10, help="number of modes (default: 10)")
+    _add_stiffness(command, "free, or on the rotor's own supports")
+    _add_speed(command, 0.0, non_negative)
+    _add_whole_number(command, "--count", 10, "number of modes")
 
     command = study("campbell", _campbell, "Campbell diagram: natural frequencies over speed, and critical speeds.")
     _add_stiffness(command, f"none if the supports hold the rotor, otherwise {DEFAULT_STIFFNESS:g}")
-    _add_speeds(command, "0:8000:81", "rad/s", kind=number_range)
-    command.add_argument(
-        "--count", type=positive_integer, default=10, help="number of branches, forward and reverse (default: 10)"
-    )
+    _add_speeds(command, "0:8000:81", number_range)
+    _add_whole_number(command, "--count", 10, "number of branches, forward and reverse")
 
     command = study(
-        "critical", _critical, "Critical speed map: undamped critical speeds over the stiffness of the bearings."
+        "critical",
+        lambda p, args: critical_study(p, args.stiffness_n_m, args.max_speed_rad_s),
+        "Critical speed map: undamped critical speeds over the stiffness of the bearings.",
     )
-    command.add_argument(
-        "--stiffness-n-m",
-        type=rising_range,
-        default="1e3:1e10:71:log",
-        metavar="RANGE",
-        help="of each bearing (default: %(default)s)",
-    )
-    command.add_argument(
-        "--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help="largest speed (default: 200000)"
-    )
+    text = "of each bearing (default: %(default)s)"
+    command.add_argument("--stiffness-n-m", type=rising_range, default="1e3:1e10:71:log", metavar="RANGE", help=text)
+    text = "largest speed (default: 200000)"
+    command.add_argument("--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help=text)
 
-    command = study("response", _response, "1X over speed: run-up and run-down on the films, or linear on springs.")
+    command = study(
+        "response",
+        lambda p, args: response_study(p, args.speeds_rad_s, args.stiffness_n_m, args.station),
+        "1X over speed: run-up and run-down on the films, or linear on springs.",
+    )
     _add_stiffness(command, "on the films")
-    _add_speeds(command, "100:4000:79", "rad/s")
+    _add_speeds(command, "100:4000:79")
     _add_station(command)
 
 
-def _add_nonlinear(study: Add) -> None:
-    command = study("onset", _onset, "Onset of oil whirl: growth rate of each film's whirl over speed, unstable bands.")
-    _add_speeds(command, "100:4000:79", "rad/s")
-    for name, compute, text in (
-        ("waterfall", _waterfall, "Waterfall: spectra over speed of a run-up in time, settled at each speed."),
-        ("bifurcation", _bifurcation, "Bifurcation diagram: positions once per turn over speed of a run-up in time."),
+def _add_nonlinear(study: AddStudy) -> None:
+    command = study(
+        "onset",
+        lambda p, args: onset_study(p, args.speeds_rad_s),
+        "Onset of oil whirl: growth rate of each film's whirl over speed, unstable bands.",
+    )
+    _add_speeds(command, "100:4000:79")
+    for name, plotted, text in (
+        ("waterfall", waterfall_study, "Waterfall: spectra over speed of a run-up in time, settled at each speed."),
+        (
+            "bifurcation",
+            bifurcation_study,
+            "Bifurcation diagram: positions once per turn over speed of a run-up in time.",
+        ),
     ):
-        command = study(name, compute, text)
-        _add_speeds(command, "100:2500:97", "rad/s")
+        command = study(name, partial(_run_up_study, plotted), text)
+        _add_speeds(command, "100:2500:97")
         _add_motion_arguments(command, 100)
 
     command = study(
         "motion", _motion, "Motion at one speed: table of all stations, or orbit, spectrum, Poincaré section."
     )
-    command.add_argument("--speed-rad-s", type=positive, default=1000.0, metavar="SPEED", help="(default: 1000)")
+    _add_speed(command, 1000.0)
     _add_motion_arguments(command, 300)
-    command.add_argument(
-        "--show",
-        choices=[one.value for one in MotionTable],
-        default=MotionTable.STATIONS.value,
-        help="content of the table (default: stations)",
-    )
+    choices, text = [one.value for one in MotionTable], "content of the table (default: stations)"
+    command.add_argument("--show", choices=choices, default=MotionTable.STATIONS.value, help=text)
 
 
 def _add_motion_arguments(command: argparse.ArgumentParser, settle: int) -> None:
     _add_station(command)
-    command.add_argument(
-        "--settle", type=positive_integer, default=settle, help=f"turns to settle at a speed (default: {settle})"
-    )
-    command.add_argument("--turns", type=positive_integer, default=64, help="turns evaluated (default: 64)")
-    command.add_argument(
-        "--perturbation-um",
-        type=non_negative,
-        default=DEFAULT_PERTURBATION / MICROMETRE,
-        help="perturbation of an unstable motion along each film's whirl (default: %(default)g; 0: none)",
-    )
+    _add_whole_number(command, "--settle", settle, "turns to settle at a speed")
+    _add_whole_number(command, "--turns", 64, "turns evaluated")
+    text = "perturbation of an unstable motion along each film's whirl (default: %(default)g; 0: none)"
+    default = DEFAULT_PERTURBATION / MICROMETRE
+    command.add_argument("--perturbation-um", type=non_negative, default=default, help=text)
 
 
 def _add_station(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--station", type=positive_integer, metavar="N", help="station evaluated (default: that of the probes)"
-    )
+    text = "station evaluated (default: that of the probes)"
+    command.add_argument("--station", type=positive_integer, metavar="N", help=text)
 
 
-def _add_static_films(study: Add) -> None:
+def _add_static_films(study: AddStudy) -> None:
     command = study("lubrication", _lubrication, "Equilibrium of journal and ring over speed, cavities and oil flow.")
-    _add_speeds(command, "1000:6000:51", "rad/s")
+    _add_speeds(command, "1000:6000:51")
     command.add_argument("--load-n", type=positive, default=10.0, help="on the journal (default: 10)")
     command.add_argument("--inlet-bar", type=positive, default=1.0, help="oil inlet pressure (default: 1)")
-    command.add_argument(
-        "--bearing",
-        choices=("rig", "table-3.1", "thesis-like"),
-        default="rig",
-        help="that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)",
-    )
+    text = "that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)"
+    command.add_argument("--bearing", choices=("rig", "table-3.1", "thesis-like"), default="rig", help=text)
 
-    command = study("film", _film, "Static film by three models (short, finite, long), and its eight coefficients.")
+    command = study(
+        "film",
+        lambda p, args: film_study(p.floating_ring, args.film, args.speed_rad_s, args.eccentricity, Grid()),
+        "Static film by three models (short, finite, long), and its eight coefficients.",
+    )
     command.add_argument("--film", choices=("inner", "outer"), default="inner", help="(default: inner)")
-    command.add_argument("--speed-rad-s", type=positive, default=1000.0, metavar="SPEED", help="(default: 1000)")
-    command.add_argument(
-        "--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
-    )
+    _add_speed(command, 1000.0)
+    text = "(default: %(default)s)"
+    command.add_argument("--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help=text)
 
 
-def _add_stiffness(command: "argparse._ActionsContainer", default: str) -> None:
+def _add_stiffness(command: argparse.ArgumentParser, default: str) -> None:
     command.add_argument("--stiffness-n-m", type=positive, help=f"of a spring at each journal (default: {default})")
 
 
-def _add_speeds(
-    command: argparse.ArgumentParser, default: str, unit: str, kind: Callable[[str], object] = rising_range
-) -> None:
-    command.add_argument(
-        "--speeds-rad-s",
-        type=kind,
-        default=default,
-        metavar="RANGE",
-        help=f"FIRST:LAST:COUNT, {unit} (default: {default})",
-    )
+def _add_speed(command: argparse.ArgumentParser, default: float, kind: Callable[[str], float] = positive) -> None:
+    text = "of the shaft (default: %(default)g)"
+    command.add_argument("--speed-rad-s", type=kind, default=default, metavar="SPEED", help=text)
 
 
-def _modes(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return modes_study(parameters, args.stiffness_n_m, args.speed_rad_s, args.count)
+def _add_speeds(command: argparse.ArgumentParser, default: str, kind: Callable[[str], object] = rising_range) -> None:
+    text = f"FIRST:LAST:COUNT, rad/s (default: {default})"
+    command.add_argument("--speeds-rad-s", type=kind, default=default, metavar="RANGE", help=text)
+
+
+def _add_whole_number(command: argparse.ArgumentParser, option: str, default: int, text: str) -> None:
+    command.add_argument(option, type=positive_integer, default=default, help=f"{text} (default: {default})")
 
 
 def _campbell(parameters: ModelParameters, args: argparse.Namespace) -> Study:
@@ -214,33 +223,15 @@ def _campbell(parameters: ModelParameters, args: argparse.Namespace) -> Study:
     return campbell_study(parameters, stiffness, args.speeds_rad_s, args.count)
 
 
-def _critical(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return critical_study(parameters, args.stiffness_n_m, args.max_speed_rad_s)
-
-
-def _response(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return response_study(parameters, args.speeds_rad_s, args.stiffness_n_m, args.station)
-
-
-def _onset(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return onset_study(parameters, args.speeds_rad_s)
-
-
-def _waterfall(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return waterfall_study(_run_up(parameters, args), f"station {_station(parameters, args)}")
-
-
-def _bifurcation(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    return bifurcation_study(_run_up(parameters, args), f"station {_station(parameters, args)}")
-
-
-def _run_up(parameters: ModelParameters, args: argparse.Namespace) -> RunUp:
-    perturbation, station = args.perturbation_um * MICROMETRE, args.station
-    return run_up(parameters, args.speeds_rad_s, args.settle, _turns(args), station=station, perturbation=perturbation)
-
-
-def _station(parameters: ModelParameters, args: argparse.Namespace) -> int:
-    return parameters.probe_station if args.station is None else int(args.station)
+def _run_up_study(
+    plotted: Callable[[RunUp, str], Study], parameters: ModelParameters, args: argparse.Namespace
+) -> Study:
+    station = parameters.probe_station if args.station is None else args.station
+    perturbation = args.perturbation_um * MICROMETRE
+    found = run_up(
+        parameters, args.speeds_rad_s, args.settle, _turns(args), station=args.station, perturbation=perturbation
+    )
+    return plotted(found, f"station {station}")
 
 
 def _motion(parameters: ModelParameters, args: argparse.Namespace) -> Study:
@@ -265,6 +256,59 @@ def _lubrication(parameters: ModelParameters, args: argparse.Namespace) -> Study
     return lubrication_study(lubrication, args.load_n, args.inlet_bar * 1e5, args.speeds_rad_s)
 
 
-def _film(parameters: ModelParameters, args: argparse.Namespace) -> Study:
-    ratios = np.asarray(args.eccentricity)
-    return film_study(parameters.floating_ring, args.film, args.speed_rad_s, ratios, Grid())
+def run_predict(args: argparse.Namespace, console: TerminalOutput) -> int:
+    """Compute or load the prediction and print it; return the exit code."""
+    rig = load_rig(args.config)
+    with Predictors() as predictors:
+        predictor = predictors.for_rig(rig)
+        predictor.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
+        console.done()
+        found = predictor.map
+        if found is None:
+            raise RigError(f"no prediction: {predictor.state}")
+    if args.quiet:
+        return 0
+    predictions = _over_speed(found) if args.speed_rpm is None else [_at_speed(rig, found, args.speed_rpm * RPM)]
+    if args.json:
+        print_json([predicted_vibration_schema(prediction) for prediction in predictions])
+    else:
+        print_output(_prediction_table(predictions))
+    return 0
+
+
+def _over_speed(found: PredictionMap) -> list[Prediction]:
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    first = math.ceil(lowest / _SPEED_STEP - 1e-9) * _SPEED_STEP
+    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _SPEED_STEP)]
+
+
+def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
+    """Return the settled prediction at a speed, rad/s."""
+    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    if not lowest <= speed <= highest:
+        raise UsageError(
+            f"--speed {speed / RPM:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, "
+            "up to limits.speed_rpm"
+        )
+    try:
+        *_, settled = refine(model_parameters(rig.config), speed, found, rig.settings)
+    except ModelError as error:
+        raise RigError(f"no prediction at {speed / RPM:g} r/min: {error}") from error
+    return settled
+
+
+def _prediction_table(predictions: list[Prediction]) -> Table:
+    """Return the table of predictions: peak amplitudes, and overall vibration of x and y."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in ("r/min", "1X x µm∠lag", "1X y µm∠lag", "below 1X µm", "overall µm pp", "growth 1/s"):
+        table.add_column(heading, justify="right")
+    for each in predictions:
+        whirl = f"{each.whirl_order:.2f}X {each.whirl_amplitude / MICROMETRE:6.1f}"
+        table.add_row(
+            f"{each.speed / RPM:,.0f}",
+            *(f"{abs(v) / MICROMETRE:.2f}∠{phase_lag_degrees(v):.0f}°" for v in each.vectors[0]),
+            whirl if each.whirl_amplitude > 0 else "none",
+            " / ".join(f"{value / MICROMETRE:5.1f}" for value in each.peak_to_peak),
+            f"{each.growth_rate:+.1f}",
+        )
+    return table

@@ -2,16 +2,24 @@
 
 import argparse
 import textwrap
-from collections.abc import Callable
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import numpy as np
 
-from daq.cli.model.arguments import FloatArray, model_errors, number_range, parameters_of, positive_integer
-from daq.cli.model.output import require_plot_format, save, show_study
-from daq.cli.progress import TerminalOutput
+from daq.cli.arguments import HELP_WIDTH, positive_integer
+from daq.cli.model.arguments import (
+    FloatArray,
+    add_model_file,
+    number_range,
+    parameters_of,
+    plot_file,
+    save,
+    show_study,
+)
+from daq.cli.terminal import TerminalOutput
 from daq.errors import UsageError
-from daq.session.sweep import DaskWorkers, LocalWorkers, grid, run_sweep
+from daq.session.sweep import DaskWorkers, LocalWorkers, Workers, grid, run_sweep
 from model.rotor.tables import UNIT_LABELS
 from model.studies.study import Plot, Series, Study, Style
 from model.studies.sweep_quantities import PARAMETER_SETTERS, QUANTITIES, SweepPoint, SweepResult
@@ -21,38 +29,28 @@ MAX_CURVES = 12  # in a plot; more are drawn as points
 AXIS_UNITS = UNIT_LABELS | {
     "rad_s": "rad/s", "1_s": "1/s", "um_pk": "µm peak", "um_pp": "µm peak-to-peak", "mm": "mm", "kg": "kg",
 }  # fmt: skip
-_WIDTH = 78  # of the help
 
 
-def add_sweep(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+def add_sweep(studies: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the subcommand `sweep`."""
-    command = add("sweep", "A quantity for all combinations of parameters, in local processes or on a Dask cluster.")
-    command.formatter_class = argparse.RawDescriptionHelpFormatter
-    command.description = textwrap.fill(command.description or "", _WIDTH)
-    command.epilog = _epilog()
-    command.add_argument(
-        "config", metavar="RIG.TOML", nargs="?", help="rig file or rotor file (default: the GJ90C of the thesis)"
-    )
-    command.add_argument(
-        "--vary",
-        type=_vary,
-        action="append",
-        required=True,
-        metavar="NAME=RANGE",
-        help="such as viscosity_pa_s=0.005:0.035:7",
-    )
-    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help="quantity to compute (default: onset)")
-    command.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; an interrupted sweep resumes"
-    )
-    command.add_argument("--plot", type=Path, metavar="FILE.svg|.png|.pdf", help="draw over the first parameter")
+    text = "A quantity for all combinations of parameters, in local processes or on a Dask cluster."
+    command = studies.add_parser("sweep", help=text, description=textwrap.fill(text, HELP_WIDTH), allow_abbrev=False)
+    command.formatter_class, command.epilog = argparse.RawDescriptionHelpFormatter, _epilog()
+    add_model_file(command)
+    text = "such as viscosity_pa_s=0.005:0.035:7"
+    command.add_argument("--vary", type=_vary, action="append", required=True, metavar="NAME=RANGE", help=text)
+    text = "quantity to compute (default: onset)"
+    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help=text)
+    text = "results; an interrupted sweep resumes"
+    command.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.parquet", help=text)
+    text = "draw over the first parameter"
+    command.add_argument("--plot", type=plot_file, metavar="FILE.svg|.png|.pdf", help=text)
     command.add_argument("--json", action="store_true", help="print all points as JSON")
     where = command.add_mutually_exclusive_group()
-    where.add_argument(
-        "--processes", type=positive_integer, help="number of local processes (default: one per processor)"
-    )
+    text = "number of local processes (default: one per processor)"
+    where.add_argument("--processes", type=positive_integer, help=text)
     where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="use this Dask cluster instead")
-    command.set_defaults(run=run)
+    command.set_defaults(run=run_sweep_command)
 
 
 def _epilog() -> str:
@@ -74,7 +72,7 @@ def _epilog() -> str:
 
 def _indented(text: str, indent: int) -> str:
     lead = " " * indent
-    return textwrap.fill(text, _WIDTH, initial_indent=lead, subsequent_indent=lead)
+    return textwrap.fill(text, HELP_WIDTH, initial_indent=lead, subsequent_indent=lead)
 
 
 def _vary(text: str) -> tuple[str, FloatArray]:
@@ -84,35 +82,27 @@ def _vary(text: str) -> tuple[str, FloatArray]:
     return name, number_range(range_)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_sweep_command(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Compute a sweep, write and print it; return the exit code."""
-    if args.plot is not None:
-        require_plot_format(args.plot, "--plot")
-    vary = dict(args.vary)
+    vary = {name: list(map(float, values)) for name, values in args.vary}
     if len(vary) < len(args.vary):
         raise UsageError("--vary: a name is given twice, expected once each")
-    parameters = parameters_of(args.config)
-    with model_errors():
-        points = grid(parameters, args.quantity, {name: list(map(float, one)) for name, one in vary.items()})
-    console = TerminalOutput()
+    points = grid(parameters_of(args.config), args.quantity, vary)
 
     def progress(done: int, total: int) -> None:
-        console.progress(f"{done:,} of {total:,} points")
+        console.progress(f"{done:,} of {total:,} points", done / total)
 
-    if args.scheduler:
-        cluster = DaskWorkers(args.scheduler)
-        try:
-            results = run_sweep(points, cluster, args.output, progress)
-        finally:
-            cluster.close()
-    else:
-        results = run_sweep(points, LocalWorkers(args.processes), args.output, progress)
+    with ExitStack() as stack:
+        workers: Workers = LocalWorkers(args.processes)
+        if args.scheduler:
+            workers = stack.enter_context(closing(DaskWorkers(args.scheduler)))
+        results = run_sweep(points, workers, args.output, progress)
     console.done()
     study = _study(points, results, args.output)
     if args.plot is not None:
         save(study.plots, args.plot)
-    args.output = None  # the results are written already; -o is no plot here
-    return show_study(study if args.json else _shortened(study), args)
+    show_study(study if args.json else _shortened(study), as_json=args.json)
+    return 0
 
 
 def _study(points: list[SweepPoint], results: list[SweepResult], file: Path) -> Study:

@@ -8,7 +8,7 @@ from html import escape
 from itertools import cycle
 from pathlib import Path
 
-from daq.cli.progress import TerminalOutput
+from daq.cli.terminal import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import LocalWorkers
 from model.studies.study import Plot, Series, Style, Surface
@@ -151,7 +151,7 @@ def _trends(trends: Iterable[Trend]) -> str:
 
 
 def _figure(one: Captioned, salt: str) -> str:
-    from daq.reports.plots.study_plots import render  # noqa: PLC0415 - imports matplotlib, which takes a second
+    from daq.reports.plots.study_plots import render
 
     caption, plots = one
     svg = render(plots, "svg", salt).decode()
@@ -185,24 +185,18 @@ _CHAPTER_6 = (
 )
 
 
-def add_thesis(add: Callable[[str, str], argparse.ArgumentParser]) -> None:
+def add_thesis(studies: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the subcommand `thesis`."""
-    command = add("thesis", "Recompute chapters 3, 5 and 6 of the thesis: report of stated and computed numbers.")
-    command.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path(),
-        metavar="FOLDER",
-        help=f"folder of {FILE_NAME} (default: the current one)",
-    )
-    command.set_defaults(run=run)
+    text = "Recompute chapters 3, 5 and 6 of the thesis: report of stated and computed numbers."
+    command = studies.add_parser("thesis", help=text, description=text, allow_abbrev=False)
+    text = f"folder of {FILE_NAME} (default: the current one)"
+    command.add_argument("-o", "--output", type=Path, default=Path(), metavar="FOLDER", help=text)
+    command.set_defaults(run=run_thesis)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_thesis(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Compute and write the report; return the exit code."""
     folder: Path = args.output
-    console = TerminalOutput()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -9,8 +9,7 @@ import pytest
 
 from analysis.preflight.check_result import Verdict
 from analysis.signals.snapshot import CounterState
-from daq.cli.progress import status_line
-from daq.cli.run_text import summary_lines
+from daq.cli.run_text import print_summary, status_line
 from daq.schemas.summary import summary_schema
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.offline import summarise
@@ -81,14 +80,17 @@ def test_preflight_checks_the_counter(counted: RigFactory, tmp_path: Path) -> No
     assert [check.verdict for check in bad.checks if check.name == "tacho counter"] == [Verdict.WARN]
 
 
-def test_summary_names_the_source_of_the_speed(counted: RigFactory, tmp_path: Path) -> None:
+def test_summary_names_the_source_of_the_speed(
+    counted: RigFactory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with RunReader(recorded(counted(), tmp_path)) as reader:
         document = summary_schema(summarise(reader), None)
     assert document.tacho is not None
     assert document.tacho.reference == "counter"
     assert document.tacho.counter is not None
     assert (document.tacho.counter.state, document.tacho.counter.message) == (CounterState.AGREES, "")
-    assert any("speed and phase from the counter" in line for line in summary_lines(document))
+    print_summary(document, as_json=False)
+    assert "\ntacho            speed and phase from the counter; " in capsys.readouterr().out
 
 
 def test_status_line_shows_a_counter_that_disagrees(rig: RigFactory, tmp_path: Path) -> None:

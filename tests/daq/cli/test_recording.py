@@ -3,8 +3,8 @@
 import io
 from dataclasses import replace
 
-from daq.cli.progress import TerminalOutput
 from daq.cli.recording import follow
+from daq.cli.terminal import TerminalOutput
 from daq.session.live_update import LiveUpdate, RunState, Status
 from daq.session.run import RunOutcome
 from daq.stop_flag import StopFlag

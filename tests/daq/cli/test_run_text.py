@@ -1,5 +1,7 @@
 """Summaries as text: run-up and run-down, run-out, alarms, whirl, segments and backlog."""
 
+import contextlib
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +10,8 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from daq.cli.run_text import summary_lines
+from daq.cli.run_text import summary_parts
+from daq.cli.terminal import print_output
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.schemas.summary import SummarySchema, summary_schema
@@ -30,10 +33,17 @@ BENCH = {
 }
 
 
+def summary_lines(summary: SummarySchema) -> list[str]:
+    """Return a summary as printed to a file."""
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        print_output(*summary_parts(summary))
+    return output.getvalue().splitlines()
+
+
 def summarised(rig: Rig, folder: Path) -> tuple[SummarySchema, list[str]]:
     with RunReader(record_run(rig, folder)) as reader:
         summary = summary_schema(summarise(reader))
-    return summary, list(summary_lines(summary))
+    return summary, summary_lines(summary)
 
 
 def test_summary_separates_run_up_and_run_down_with_run_out_and_whirl(rig: RigFactory, tmp_path: Path) -> None:
@@ -99,7 +109,7 @@ def lines_after(rig: Rig, path: Path, *ends: SegmentEnd, backlog: int = 0) -> li
     writer.close()
     source.close()
     with RunReader(path) as reader:
-        return list(summary_lines(summary_schema(summarise(reader), delivery=reader.delivery)))
+        return summary_lines(summary_schema(summarise(reader), delivery=reader.delivery))
 
 
 def test_summary_reports_how_each_segment_ended(rig: RigFactory, tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ import pytest
 
 from analysis.signals.blocks import EndReason, SourceItem
 from analysis.signals.header import Acquisition
-from daq.cli.progress import TerminalOutput
 from daq.cli.recording import follow
+from daq.cli.terminal import TerminalOutput
 from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.drivers.source import Source

@@ -9,7 +9,7 @@ import pytest
 from analysis.signals.header import Severity
 from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.main import main
-from daq.cli.progress import status_line
+from daq.cli.run_text import status_line
 from daq.drivers.replay import ReplaySource
 from daq.session.live_update import acknowledgement_marker, alarm_name, alarm_text
 from daq.session.offline import summarise

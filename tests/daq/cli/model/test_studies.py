@@ -175,7 +175,6 @@ def test_onset_of_the_default_rotor_is_found_by_bisection(capsys: Capture) -> No
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["modes", "-o", "out.gif"], "-o out.gif: expected a name that ends with .svg, .png, .pdf"),
         (["film", "--eccentricity", "0.2,1.2"], "eccentricit"),
         (["sweep", "--vary", "oil=1,2", "-o", "x.parquet"], "vary oil: unknown, expected one of imbalance_kg_m"),
         (["sweep", "--vary", "viscosity_pa_s=0.01,0.02", "-o", "x.csv"], "expected a name that ends with .parquet"),
@@ -196,6 +195,15 @@ def test_invalid_arguments_are_one_message(arguments: list[str], message: str, c
     error = capsys.readouterr().err
     assert message in error
     assert "Traceback" not in error
+
+
+def test_plot_of_another_format_is_refused(capsys: Capture) -> None:
+    for option, arguments in (("-o/--output", ["modes", "-o"]), ("--plot", [*SWEEP, "--plot"])):
+        with pytest.raises(SystemExit) as caught:
+            main(["model", *arguments, "out.gif"])
+        assert caught.value.code == 2
+        message = f"argument {option}: out.gif: expected a name that ends with .svg, .png, .pdf"
+        assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("wrong", ["1:2", "2:1:1", "0:10:5", "a,b", "5:1:9", "1:inf:4"])

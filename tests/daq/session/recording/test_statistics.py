@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
-from daq.cli.progress import status_line
+from daq.cli.run_text import status_line
 from daq.config.schema import TimingSection
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.simulation.wiring import IntermittentContact
