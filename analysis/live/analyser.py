@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.resampling.rate_conversion import HALF_WIDTH, STOP_BAND, DecimationPyramid, interpolate
-from analysis.shaft.overall import glitch_samples, trimmed_extremes
+from analysis.shaft.overall import OverallWindow
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.blocks import SampleBlock, SegmentEnd
 from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition, AnalysisSettings, Channel, Role
@@ -254,7 +254,7 @@ class Analyser:
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
         hops_in_a_turn = int(NO_PULSE_TIMEOUT / settings.update_interval) + 2
         self._clipping: deque[tuple[int, IntArray]] = deque(maxlen=MAX_CLIPPED_INTERVALS)
-        self._extremes: deque[tuple[int, FloatArray, FloatArray]] = deque(maxlen=hops_in_a_turn)
+        self._overall = OverallWindow(acquisition.rate, self._hop, hops_in_a_turn)
         self._restart(-1, 0)
 
     def _restart(self, segment: int, first: int) -> None:
@@ -264,7 +264,7 @@ class Analyser:
         self._tacho.restart(first)
         self._train.restart()
         self._pyramid = self._frames.new_pyramid(first)
-        self._extremes.clear()
+        self._overall.clear()
         self._clipping.clear()
 
     def add_block(self, block: SampleBlock) -> list[Snapshot]:
@@ -331,7 +331,7 @@ class Analyser:
             tacho=report,
             gap_volts=gap,
             gap_in_window=(gap >= self._gap_windows[:, 0]) & (gap <= self._gap_windows[:, 1]),
-            peak_to_peak=self._peak_to_peak(displacement, speed),
+            overall=self._overall.add(displacement, speed),
             clipped=self._clipped.copy(),
             frame=frame,
             trace=self._trace(first, displacement, tacho),
@@ -350,19 +350,6 @@ class Analyser:
         if state not in {TachoState.GOOD, TachoState.TOO_FAST}:
             return np.nan, report, None
         return speed, report, self._frames.build(self._pyramid, angle, int(turns[0]), int(turns[-1]), self._clipping)
-
-    def _peak_to_peak(self, displacement: FloatArray, speed: float) -> FloatArray:
-        n = displacement.shape[1]
-        self._extremes.append((n, *trimmed_extremes(displacement, glitch_samples(n, self._rate))))
-        turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
-        needed = max(self._hop, turn)
-        covered, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
-        for n, lowest, highest in reversed(self._extremes):
-            low, high = np.minimum(low, lowest), np.maximum(high, highest)
-            covered += n
-            if covered >= needed:
-                break
-        return np.asarray(high - low, dtype=np.float64)
 
     def _trace(self, first: int, displacement: FloatArray, tacho: FloatArray) -> Trace:
         stride = -(-tacho.size // MAX_TRACE_POINTS)

@@ -7,10 +7,11 @@ from typing import Annotated
 import numpy as np
 
 from analysis.live.alarms import Alarm, AlarmMonitor
+from analysis.signals import FloatArray
 from analysis.signals.blocks import SegmentEnd, TimeInRun
 from analysis.signals.header import Role, RunHeader, RunOutSettings, Severity
-from analysis.signals.snapshot import CounterReport, RunOut, Snapshot, TachoReport
-from analysis.signals.units import NUMBER, PEAK_TO_PEAK, SPEED, TIME, VOLTAGE
+from analysis.signals.snapshot import LARGEST_OVERALL, OVERALL, CounterReport, RunOut, Snapshot, TachoReport
+from analysis.signals.units import NUMBER, SPEED, TIME, VOLTAGE
 from analysis.vectors.speed_curve import SpeedRow, SpeedTable
 from analysis.whirl.findings import WhirlFinding, WhirlTracker
 
@@ -24,7 +25,7 @@ class ProbeSummary:
     gap_min: Annotated[float, VOLTAGE.of("Smallest mean gap voltage of an update interval")]
     gap_max: Annotated[float, VOLTAGE.of("Largest mean gap voltage of an update interval")]
     gap_in_window: Annotated[bool, NUMBER.of("Whether the gap voltage stayed in the probe's window", "gap_ok")]
-    largest_peak_to_peak: Annotated[float, PEAK_TO_PEAK.of("Largest overall vibration")]
+    largest: Annotated[tuple[float, ...], LARGEST_OVERALL]
     largest_at: Annotated[
         TimeInRun | None, NUMBER.of("Time of the largest vibration; unknown where nothing was measured")
     ]
@@ -40,6 +41,11 @@ class ProbeSummary:
         float,
         NUMBER.of("Largest overall vibration as a fraction of the diametral clearance", "largest_clearance_fraction"),
     ] = 0.0
+
+    @property
+    def largest_peak_to_peak(self) -> float:
+        """Largest overall vibration, m peak-to-peak; 0 without snapshots."""
+        return self.largest[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,9 +106,14 @@ class RunSummary:
         return len(self.segments) == 1 and self.segments[0].is_gap_free
 
     @property
-    def largest_peak_to_peak(self) -> Annotated[float, PEAK_TO_PEAK.of("Largest overall vibration of either probe")]:
+    def largest(self) -> Annotated[tuple[float, ...], LARGEST_OVERALL]:
+        """Largest overall vibration of either probe by the measures `OVERALL`; 0 without snapshots."""
+        return tuple(np.max([probe.largest for probe in self.probes], axis=0).tolist())
+
+    @property
+    def largest_peak_to_peak(self) -> float:
         """Largest overall vibration of either probe, m peak-to-peak."""
-        return max((probe.largest_peak_to_peak for probe in self.probes), default=0.0)
+        return self.largest[0]
 
     @property
     def severity(
@@ -121,7 +132,7 @@ class _Probe:
     gap_min: float = np.inf
     gap_max: float = -np.inf
     gap_in_window: bool = True
-    peak_to_peak: float = 0.0
+    largest: FloatArray = field(default_factory=lambda: np.zeros(len(OVERALL.rows)))
     largest_at: TimeInRun | None = None
     outside_calibration: int = 0
 
@@ -131,10 +142,10 @@ class _Probe:
         self.gap_min, self.gap_max = min(self.gap_min, gap), max(self.gap_max, gap)
         self.gap_in_window = self.gap_in_window and bool(snapshot.gap_in_window[probe])
         self.outside_calibration = int(snapshot.outside_calibration[probe])
-        overall = float(snapshot.peak_to_peak[probe])
-        if self.largest_at is None or overall > self.peak_to_peak:
-            self.peak_to_peak = overall
+        overall = snapshot.overall[:, probe]
+        if self.largest_at is None or overall[0] > self.largest[0]:
             self.largest_at = TimeInRun(snapshot.segment, snapshot.time, snapshot.speed)
+        self.largest = np.maximum(self.largest, overall)
 
 
 class SummaryBuilder:
@@ -242,9 +253,9 @@ class SummaryBuilder:
             gap_min=probe.gap_min if seen else np.nan,
             gap_max=probe.gap_max if seen else np.nan,
             gap_in_window=probe.gap_in_window,
-            largest_peak_to_peak=probe.peak_to_peak,
+            largest=tuple(probe.largest.tolist()),
             largest_at=probe.largest_at,
-            severity=self._header.limits.severity(probe.peak_to_peak),
+            severity=self._header.limits.severity(float(probe.largest[0])),
             outside_calibration=probe.outside_calibration,
-            clearance_fraction=self._header.limits.clearance_fraction(probe.peak_to_peak),
+            clearance_fraction=self._header.limits.clearance_fraction(float(probe.largest[0])),
         )

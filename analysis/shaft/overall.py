@@ -1,5 +1,6 @@
-"""Overall vibration: unfiltered peak-to-peak over successive intervals, and the fraction of the clearance it takes."""
+"""Overall, unfiltered vibration: live over the last intervals, and of a whole record."""
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,57 @@ def trimmed_extremes(samples: FloatArray, excluded: int) -> tuple[FloatArray, Fl
         from_above = few if few.size > excluded else values
         high[row] = np.partition(from_above, from_above.size - 1 - excluded)[from_above.size - 1 - excluded]
     return low, high
+
+
+class OverallWindow:
+    """Overall vibration over the last hops that cover an update interval and a revolution.
+
+    The range of a hop is taken without its extreme 0.2 ms (2 % at most) at either end, to exclude sensor glitches.
+
+    Parameters
+    ----------
+    rate : float
+        Sample rate, Hz.
+    hop : int
+        Samples of an update interval.
+    max_hops : int
+        Hops that are kept.
+    """
+
+    def __init__(self, rate: float, hop: int, max_hops: int) -> None:
+        self._rate, self._hop = rate, hop
+        self._hops: deque[_Hop] = deque(maxlen=max_hops)
+
+    def clear(self) -> None:
+        """Forget all hops."""
+        self._hops.clear()
+
+    def add(self, displacement: FloatArray, speed: float) -> FloatArray:
+        """Add the displacement of a hop, shape (2, n), m; return the measures `OVERALL`, shape (n_measures, 2).
+
+        ``speed`` is the shaft speed, rad/s, NaN where unknown: then the window is one update interval.
+        """
+        n = displacement.shape[1]
+        self._hops.append(_Hop(n, *trimmed_extremes(displacement, glitch_samples(n, self._rate))))
+        turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
+        window = self._hops[-1]
+        for hop in list(self._hops)[-2::-1]:
+            if window.samples >= max(self._hop, turn):
+                break
+            window = window.joined(hop)
+        return np.stack([window.high - window.low])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Hop:
+    """Consecutive samples: their number, and the smallest and largest at each probe, m."""
+
+    samples: int
+    low: FloatArray
+    high: FloatArray
+
+    def joined(self, other: "_Hop") -> "_Hop":
+        return _Hop(self.samples + other.samples, np.minimum(self.low, other.low), np.maximum(self.high, other.high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

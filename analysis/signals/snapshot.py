@@ -23,9 +23,14 @@ from analysis.signals.units import (
     SHORT_TIME,
     SPEED,
     TIME,
+    Measures,
 )
 
 RECENT_TIME = 10.0  # s: span of the recent counts
+
+OVERALL = Measures((PEAK_TO_PEAK.of("overall vibration", "peak_to_peak"),), at_probes=True)
+"""Measures of the overall, unfiltered vibration, from `analysis.shaft.overall.OverallWindow`."""
+LARGEST_OVERALL = OVERALL.called("largest")
 
 
 class TachoState(StrEnum):
@@ -328,9 +333,9 @@ class Snapshot:
         Mean voltage of the probes over the last update interval, V.
     gap_in_window : ndarray of bool, shape (2,)
         Whether each lies within its limits.
-    peak_to_peak : ndarray of float64, shape (2,)
-        Overall peak-to-peak of each probe over the last update interval or revolution, whichever is longer, m: whole
-        update intervals, each without the extreme 0.2 ms (2 % at most) at either end, to exclude sensor glitches.
+    overall : ndarray of float64, shape (n_measures, 2)
+        Measures `OVERALL` of each probe over the last update interval or revolution, whichever is longer: whole update
+        intervals.
     clipped : ndarray of int64, shape (n_channels,)
         Samples at the limits of the converter range since the start of the run, per channel.
     frame : OrderFrame or None
@@ -351,9 +356,14 @@ class Snapshot:
     tacho: TachoReport
     gap_volts: FloatArray
     gap_in_window: BoolArray
-    peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Overall vibration", at_probes=True)]
+    overall: Annotated[FloatArray, OVERALL]
     clipped: IntArray
     frame: OrderFrame | None
     trace: Trace
     outside_calibration: IntArray = field(default_factory=lambda: np.zeros(2, dtype=np.int64))
     counter: CounterReport | None = None
+
+    @property
+    def peak_to_peak(self) -> FloatArray:
+        """Overall peak-to-peak of each probe, shape (2,), m."""
+        return np.asarray(self.overall[0], dtype=np.float64)

@@ -65,8 +65,13 @@ class Quantity:
     @property
     def sentence(self) -> str:
         """Description with the unit at the end of its first clause."""
-        head, separator, rest = self.description.partition(";")
-        return f"{head}, {self.unit}{separator}{rest}" if self.unit else self.description
+        head, separator, rest = f"{self.description[:1].upper()}{self.description[1:]}".partition(";")
+        return f"{head}{', ' if self.unit else ''}{self.unit}{separator}{rest}"
+
+    @property
+    def full_name(self) -> str:
+        """Name with the suffix."""
+        return f"{self.name}_{self.suffix}" if self.suffix else self.name
 
     def shown(self, value: Any) -> Any:
         """Return a value, or an array, in SI in the displayed unit."""
@@ -91,6 +96,30 @@ NUMBER = Quantity()  # dimensionless, a count or a text
 
 
 @dataclass(frozen=True, slots=True)
+class Measures:
+    """Quantities that are the rows of one array or tuple.
+
+    Parameters
+    ----------
+    rows : tuple of Quantity
+        With names.
+    at_probes : bool
+        Whether each row has the values at the probes x and y.
+    """
+
+    rows: tuple[Quantity, ...]
+    at_probes: bool = False
+
+    def called(self, prefix: str, *, at_probes: bool = False) -> "Measures":
+        """Return the measures with a prefix of their names and descriptions, such as "largest"."""
+        rows = tuple(
+            replace(row, name=f"{prefix}_{row.name}", description=f"{prefix.capitalize()} {row.description}")
+            for row in self.rows
+        )
+        return Measures(rows, at_probes)
+
+
+@dataclass(frozen=True, slots=True)
 class Reading:
     """How to read a value of a result.
 
@@ -98,20 +127,22 @@ class Reading:
     ----------
     attribute : str
         Field or property of the result.
-    probe : int or None
-        Index of the probe; None: the whole value.
+    indices : tuple of int
+        Indices of a measure, of a probe, or of both; empty: the whole value.
     quantity : Quantity
         Its quantity.
     """
 
     attribute: str
-    probe: int | None
+    indices: tuple[int, ...]
     quantity: Quantity
 
     def shown(self, result: object) -> Any:
-        """Return the value in the displayed unit."""
+        """Return the value in the displayed unit; None where the result has none."""
         value = getattr(result, self.attribute)
-        return self.quantity.shown(value if self.probe is None else value[self.probe])
+        for index in self.indices:
+            value = None if value is None else value[index]
+        return self.quantity.shown(value)
 
 
 @cache
@@ -124,22 +155,24 @@ def readings(result: type) -> dict[str, Reading]:
             hints[name] = get_type_hints(getter, include_extras=True).get("return")
     found: dict[str, Reading] = {}
     for attribute, hint in hints.items():
-        for quantity in getattr(hint, "__metadata__", ()):
-            if isinstance(quantity, Quantity):
-                found |= _named(attribute, quantity)
+        for shown in getattr(hint, "__metadata__", ()):
+            if isinstance(shown, Quantity):
+                found |= _named(attribute, (), shown, at_probes=shown.at_probes)
+            elif isinstance(shown, Measures):
+                for row, quantity in enumerate(shown.rows):
+                    found |= _named(attribute, (row,), quantity, at_probes=shown.at_probes)
     return found
 
 
-def _named(attribute: str, quantity: Quantity) -> dict[str, Reading]:
-    name, suffix = quantity.name or attribute, quantity.suffix and f"_{quantity.suffix}"
-    if not quantity.at_probes:
-        return {f"{name}{suffix}": Reading(attribute, None, quantity)}
-    return {
-        f"{name}_{probe}{suffix}": Reading(
-            attribute, row, replace(quantity, description=f"{quantity.description} at probe {probe}")
-        )
-        for row, probe in enumerate("xy")
-    }
+def _named(attribute: str, indices: tuple[int, ...], quantity: Quantity, *, at_probes: bool) -> dict[str, Reading]:
+    named = replace(quantity, name=quantity.name or attribute)
+    if not at_probes:
+        return {named.full_name: Reading(attribute, indices, named)}
+    at = [
+        replace(named, name=f"{named.name}_{probe}", description=f"{named.description} at probe {probe}")
+        for probe in "xy"
+    ]
+    return {one.full_name: Reading(attribute, (*indices, probe), one) for probe, one in enumerate(at)}
 
 
 @overload

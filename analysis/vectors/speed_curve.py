@@ -9,8 +9,8 @@ import numpy as np
 
 from analysis.signals import BoolArray, ComplexArray, FloatArray, IntArray
 from analysis.signals.blocks import RampDirection, RampStep, RampTracker
-from analysis.signals.snapshot import OrderFrame, Snapshot
-from analysis.signals.units import NUMBER, PEAK, PEAK_TO_PEAK, RPM, SPEED
+from analysis.signals.snapshot import OVERALL, OrderFrame, Snapshot
+from analysis.signals.units import NUMBER, PEAK, RPM, SPEED
 from analysis.spectra.windows import HANN
 from analysis.vectors.order_track import OrderTrack
 
@@ -195,6 +195,8 @@ class SpeedRow:
         ``vectors[k - 1, probe]``: complex mean of the kX vectors at x and y, m peak, x(t) = Re[X exp(i k theta)].
     scatter : ndarray of float64, shape (2, 2)
         Standard deviation of those vectors about their mean (modulus of the complex deviation), m peak.
+    mean_overall, largest_overall : ndarray of float64, shape (n_measures, 2)
+        Measures `OVERALL` of the probes.
     compensated : ndarray of complex128, shape (2, 2)
         Complex mean of the kX vectors minus run-out, over the frames of known run-out; NaN without such frames.
     """
@@ -204,8 +206,8 @@ class SpeedRow:
     frames: Annotated[int, NUMBER.of("Number of order spectra in the bin")]
     vectors: ComplexArray
     scatter: FloatArray
-    peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Mean overall vibration", "mean_peak_to_peak", at_probes=True)]
-    largest_peak_to_peak: Annotated[FloatArray, PEAK_TO_PEAK.of("Largest overall vibration", at_probes=True)]
+    mean_overall: Annotated[FloatArray, OVERALL.called("mean", at_probes=True)]
+    largest_overall: Annotated[FloatArray, OVERALL.called("largest", at_probes=True)]
     noise: Annotated[float, PEAK.of("Mean noise floor of the order spectra", "noise_peak")]
     whirl_amplitude: Annotated[
         float,
@@ -237,8 +239,8 @@ class _Bin:
     whirl_amplitude: float = 0.0
     whirl_order: float = np.nan
     overalls: int = 0
-    overall: FloatArray = field(default_factory=lambda: np.zeros(2))
-    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
+    overall: FloatArray = field(default_factory=lambda: np.zeros((len(OVERALL.rows), 2)))
+    largest: FloatArray = field(default_factory=lambda: np.zeros((len(OVERALL.rows), 2)))
 
     @classmethod
     def of_frame(cls, frame: OrderFrame) -> "_Bin":
@@ -271,8 +273,8 @@ class _Bin:
             frames=self.frames,
             vectors=vectors,
             scatter=np.sqrt(np.maximum(self.squares / self.frames - np.abs(vectors) ** 2, 0.0)),
-            peak_to_peak=self.overall / self.overalls,
-            largest_peak_to_peak=self.largest.copy(),
+            mean_overall=self.overall / self.overalls,
+            largest_overall=self.largest.copy(),
             noise=self.noise / self.frames,
             whirl_amplitude=self.whirl_amplitude or np.nan,
             whirl_order=self.whirl_order,
@@ -314,7 +316,7 @@ class SpeedTable:
         if np.isfinite(snapshot.speed):
             if self._ramp.update(snapshot.speed) is not RampStep.WITHIN:
                 self._settle()
-            overall = snapshot.peak_to_peak
+            overall = snapshot.overall
             self._since[round(snapshot.speed / self._width)].add(_Bin(overalls=1, overall=overall, largest=overall))
         if snapshot.frame is not None:
             self._since[round(snapshot.frame.speed / self._width)].add(_Bin.of_frame(snapshot.frame))

@@ -9,7 +9,7 @@ from rich.text import Text
 
 from analysis.signals.blocks import RampDirection
 from analysis.signals.header import Severity
-from analysis.signals.snapshot import Snapshot
+from analysis.signals.snapshot import LARGEST_OVERALL, Snapshot
 from analysis.signals.units import MICROMETRE, RPM
 from daq.cli.terminal import labelled, print_json, print_output
 from daq.schemas.events import AlarmSchema
@@ -297,7 +297,9 @@ def _largest(summary: SummarySchema) -> str:
     where = f"at {_number(at.speed_rpm)} r/min" if at.speed_rpm is not None else f"at {at.time_s:.1f} s"
     verdict = "" if summary.severity is Severity.NORMAL else f" ({summary.severity.value.upper()})"
     part = f"{100.0 * (worst.largest_clearance_fraction or 0.0):.0f} % of the clearance"
-    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}"
+    others = ((getattr(summary, measure.full_name), measure.unit) for measure in LARGEST_OVERALL.rows[1:])
+    also = "".join(f", {value:.3g} {unit}" for value, unit in others if value is not None)
+    return f"max {_number(worst.largest_peak_to_peak_um)} µm pp on {worst.name} {where}, {part}{verdict}{also}"
 
 
 def _tacho_warnings(tacho: TachoSummarySchema) -> Iterator[str]:

@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
+from analysis.signals.snapshot import LARGEST_OVERALL, OVERALL
 from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, add_json, add_run, calibration, show_examples, speed
 from daq.cli.terminal import TerminalOutput, grid, print_json, print_output
@@ -31,7 +32,10 @@ def add_commands(add: AddCommand) -> None:
     command.add_argument("--device", default="", metavar="SERIAL", help=text)
     text = "recorded with this calibration: an identity from --json, or its first digits"
     command.add_argument("--calibration", default="", metavar="IDENTITY", help=text)
-    command.add_argument("--speed", type=_speed_range, metavar="LOW-HIGH", help="covers this speed range, r/min")
+    command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="covers this speed range, r/min")
+    for measure in OVERALL.rows:
+        text = f"largest {measure.description} within this range, {measure.unit}"
+        command.add_argument(f"--{measure.name.replace('_', '-')}", type=_range, metavar="LOW-HIGH", help=text)
     command.add_argument("--text", default="", help="words in id, rig, note, remark or markers")
     command.add_argument("--tag", action="append", default=[], help="has this tag; repeatable")
     text = "a sub-synchronous component started below this speed, r/min"
@@ -90,7 +94,9 @@ def _run_row(run: RunSchema) -> tuple[str, str, str, str]:
     state = "incomplete" if not run.is_complete else "complete" if run.is_gap_free else "samples lost"
     if run.verdict not in ("", Verdict.SOUND):
         state = run.verdict
-    texts = "  ".join((run.fault or state, *_annotations(run)))
+    largest = ((getattr(run, measure.full_name), measure.unit) for measure in LARGEST_OVERALL.rows)
+    overall = (f"{value:.3g} {unit}" for value, unit in largest if value is not None)
+    texts = "  ".join((run.fault or state, *overall, *_annotations(run)))
     return run.run, f"{run.duration_s or 0.0:8.1f} s", f"{run.size_bytes / 1e6:9.1f} MB", texts
 
 
@@ -129,6 +135,11 @@ def run_runs(args: argparse.Namespace, _console: TerminalOutput) -> int:
         started_before_ns=args.before,
         speed_low=low,
         speed_high=high,
+        overall=tuple(
+            (measure.name, measure.scale * ends[0], measure.scale * ends[1])
+            for measure in OVERALL.rows
+            if (ends := getattr(args, measure.name)) is not None
+        ),
         text=args.text,
         tags=tuple(args.tag),
         onset_below=None if args.onset_below is None else args.onset_below * RPM,
@@ -170,13 +181,14 @@ def _time_ns(text: str) -> int:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 2026-11-24T09:00") from None
 
 
-def _speed_range(text: str) -> tuple[float, float]:
+def _range(text: str) -> tuple[float, float]:
+    """Return the ends of a range such as 9000-12000, both 0 or more."""
     try:
         low, high = map(float, text.split("-"))
     except ValueError:
         low, high = 0.0, -1.0
     if not 0 <= low <= high:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a range of speed in r/min, such as 9000-12000")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a range such as 9000-12000")
     return low, high
 
 

@@ -18,6 +18,7 @@ from daq.schemas.units import Count, Number, Schema, finite, micrometres, utc_ti
 from daq.schemas.vibration import (
     CounterSchema,
     MeasuredProbeVectorsSchema,
+    OverallSchema,
     ProbeVectorsSchema,
     measured_probe_vectors_schema,
     probe_vectors_schema,
@@ -102,13 +103,7 @@ class ProbeSchema(Schema):
     clipped_samples: Count = Field(description="Clipped samples since the start of the run", examples=[0])
 
 
-class MeasurementSchema(
-    Schema,
-    of=(
-        Snapshot,
-        OrderFrame,
-    ),
-):
+class MeasurementSchema(OverallSchema, of=(OrderFrame, Snapshot)):
     """Vibration and speed measured by the probes and the tacho."""
 
     segment: Count = Field(examples=[0])
@@ -119,8 +114,6 @@ class MeasurementSchema(
     tacho: TachoSchema
     probe_x: ProbeSchema
     probe_y: ProbeSchema
-    peak_to_peak_x_um: Number = Field(examples=[38.4])
-    peak_to_peak_y_um: Number = Field(examples=[41.0])
     peak_to_peak_clearance_fraction: Number = Field(
         description="Larger of both as a fraction of the diametral clearance", examples=[0.205]
     )

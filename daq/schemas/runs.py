@@ -9,7 +9,7 @@ from pydantic import Field
 from analysis.signals.header import Channel, Limits, Role, RunOutSettings
 from analysis.signals.snapshot import RunOut
 from daq.schemas.units import Count, Number, Schema, degrees, finite, rpm, utc_time
-from daq.schemas.vibration import ProbeVectorsSchema, probe_vectors_schema
+from daq.schemas.vibration import LargestOverallSchema, ProbeVectorsSchema, probe_vectors_schema
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.entry import IndexReport
 
@@ -87,7 +87,7 @@ def runout_schema(settings: RunOutSettings, runout: RunOut | None) -> RunOutSche
 RunId = Annotated[str, Field(description="Id of the run", max_length=200, examples=["2026-11-24T09-12-07-gj90c"])]
 
 
-class RunSchema(Schema, of=(RunEntry,)):
+class RunSchema(LargestOverallSchema, of=(RunEntry,)):
     """A recorded run; where its file cannot be read, values from the file are null."""
 
     run: str = Field(examples=["2026-11-24T09-12-07-gj90c"])

@@ -15,13 +15,7 @@ from model.prediction.prediction_map import Prediction
 Values = tuple[Number, ...]
 
 
-class OrderFrameSchema(
-    Schema,
-    of=(
-        Snapshot,
-        OrderFrame,
-    ),
-):
+class OrderFrameSchema(Schema, of=(Snapshot, OrderFrame)):
     """Position of an order frame in the run."""
 
     segment: Count = Field(examples=[0])

@@ -18,7 +18,9 @@ from daq.schemas.units import Count, Number, Schema, micrometres, utc_time
 from daq.schemas.vibration import (
     AgreementSchema,
     CounterSchema,
+    LargestOverallSchema,
     ProbeVectorsSchema,
+    SpeedRowOverallSchema,
     StandardSchema,
     agreement_schema,
     probe_vectors_schema,
@@ -38,7 +40,7 @@ class SegmentEndSchema(Schema, of=(SegmentEnd,)):
     detail: str = Field(examples=[""])
 
 
-class ProbeSummarySchema(Schema, of=(ProbeSummary,)):
+class ProbeSummarySchema(LargestOverallSchema, of=(ProbeSummary,)):
     """Summary of one probe over the run."""
 
     name: str = Field(examples=["x"])
@@ -46,7 +48,6 @@ class ProbeSummarySchema(Schema, of=(ProbeSummary,)):
     gap_min_v: Number = Field(examples=[4.97])
     gap_max_v: Number = Field(examples=[5.08])
     gap_ok: bool = Field(examples=[True])
-    largest_peak_to_peak_um: Number = Field(examples=[96.1])
     largest_clearance_fraction: Number = Field(examples=[0.48])
     largest_at: TimeInRunSchema | None = Field()
     severity: Severity = Field(examples=["danger"])
@@ -72,7 +73,7 @@ class TachoSummarySchema(Schema, of=(TachoReport,)):
     counter: CounterSchema | None = Field(description="Comparison of counter and samples; null without a counter")
 
 
-class SpeedRowSchema(Schema, of=(SpeedRow,)):
+class SpeedRowSchema(SpeedRowOverallSchema, of=(SpeedRow,)):
     """Averages over one speed bin of a run-up or run-down."""
 
     ramp_direction: RampDirection = Field(examples=["run-up"])
@@ -92,10 +93,6 @@ class SpeedRowSchema(Schema, of=(SpeedRow,)):
     scatter_1x_peak_y_um: Number = Field(
         description="Standard deviation of the 1X vectors at y about their mean, µm zero-to-peak", examples=[0.5]
     )
-    mean_peak_to_peak_x_um: Number = Field(examples=[38.4])
-    mean_peak_to_peak_y_um: Number = Field(examples=[41.0])
-    largest_peak_to_peak_x_um: Number = Field(examples=[43.9])
-    largest_peak_to_peak_y_um: Number = Field(examples=[47.2])
     whirl_order: Number = Field(examples=[0.49])
     whirl_peak_um: Number = Field(examples=[12.1])
     noise_peak_um: Number = Field(examples=[0.05])
@@ -125,14 +122,7 @@ class HysteresisSchema(Schema, of=(WhirlHysteresis,)):
     width_rpm: Number = Field(examples=[710.0])
 
 
-class SummarySchema(
-    Schema,
-    of=(
-        RunSummary,
-        DeliveryStatistics,
-        ClockError,
-    ),
-):
+class SummarySchema(LargestOverallSchema, of=(RunSummary, DeliveryStatistics, ClockError)):
     """Summary of a run."""
 
     run: str = Field(examples=["2026-11-24T09-12-07-gj90c"])
@@ -155,7 +145,6 @@ class SummarySchema(
     buffer_s: Number = Field(examples=[8.0])
     lowest_speed_rpm: Number = Field(examples=[1004.0])
     highest_speed_rpm: Number = Field(examples=[15_120.0])
-    largest_peak_to_peak_um: Number = Field(examples=[96.1])
     severity: Severity = Field(examples=["danger"])
     alarms: tuple[AlarmSchema, ...] = Field()
     standards: tuple[StandardSchema, ...] = Field(

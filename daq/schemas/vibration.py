@@ -2,15 +2,67 @@
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from analysis.live.summary import ProbeSummary
 from analysis.signals import ComplexArray
-from analysis.signals.snapshot import CounterReport, CounterState
+from analysis.signals.snapshot import OVERALL, CounterReport, CounterState, Snapshot
 from analysis.signals.standards import StandardLimit, standard_limits
+from analysis.vectors.speed_curve import SpeedRow
 from daq.schemas.units import Count, Number, Schema, degrees, finite, lag_degrees, micrometres, rpm
 from model.prediction.comparison import Agreement, PredictedWhirl, SynchronousAgreement, WhirlAgreement
+
+Amplitude = Annotated[float | None, Field(ge=0, le=1e6)]
+
+
+class OverallSchema(Schema, of=(Snapshot,)):
+    """Overall, unfiltered vibration."""
+
+    peak_to_peak_x_um: Number = Field(examples=[38.4])
+    peak_to_peak_y_um: Number = Field(examples=[41.0])
+
+
+class LargestOverallSchema(Schema, of=(ProbeSummary,)):
+    """Largest overall vibration of a probe, or of either probe, over a run."""
+
+    largest_peak_to_peak_um: Number = Field(examples=[96.1])
+
+
+class SpeedRowOverallSchema(Schema, of=(SpeedRow,)):
+    """Mean and largest overall vibration in a speed bin."""
+
+    mean_peak_to_peak_x_um: Number = Field(examples=[38.4])
+    mean_peak_to_peak_y_um: Number = Field(examples=[41.0])
+    largest_peak_to_peak_x_um: Number = Field(examples=[43.9])
+    largest_peak_to_peak_y_um: Number = Field(examples=[47.2])
+
+
+class OverallRangeQuery(BaseModel):
+    """Ranges of the largest overall vibration of a run; null: any, also unknown."""
+
+    peak_to_peak_from_um: Amplitude = Field(
+        None,
+        description="Only runs that reached this overall vibration, µm peak-to-peak",
+        examples=[50.0],
+    )
+    peak_to_peak_to_um: Amplitude = Field(
+        None,
+        description="Only runs that did not exceed this overall vibration, µm peak-to-peak",
+        examples=[90.0],
+    )
+
+    def overall_ranges(self) -> tuple[tuple[str, float, float], ...]:
+        """Return the measures `OVERALL` with a range: name, low and high, m."""
+        ends = (
+            (row, *(getattr(self, f"{row.name}_{end}_{row.suffix}") for end in ("from", "to"))) for row in OVERALL.rows
+        )
+        return tuple(
+            (row.name, row.scale * (low or 0.0), math.inf if high is None else row.scale * high)
+            for row, low, high in ends
+            if (low, high) != (None, None)
+        )
 
 
 class ProbeVectorsSchema(Schema):
@@ -103,13 +155,7 @@ class SynchronousAgreementSchema(Schema, of=(SynchronousAgreement,)):
     within_lag_difference_deg: Number = Field(examples=[11.0])
 
 
-class WhirlAgreementSchema(
-    Schema,
-    of=(
-        WhirlAgreement,
-        PredictedWhirl,
-    ),
-):
+class WhirlAgreementSchema(Schema, of=(WhirlAgreement, PredictedWhirl)):
     """Predicted and measured whirl of the same rank in order of onset speed."""
 
     predicted_order: Number = Field(examples=[0.7])

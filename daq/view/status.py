@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.live.alarms import Alarm, MonitoredQuantity
 from analysis.signals.header import Role, Severity
-from analysis.signals.snapshot import OrderFrame, Snapshot, TachoState
+from analysis.signals.snapshot import OVERALL, OrderFrame, Snapshot, TachoState
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.colours import ALARM, DANGER, DARK_TEXT, GOOD, GRID, LABEL, MEASURED_X, MEASURED_Y, TEXT, Color
 from daq.session.live_update import LiveUpdate, RunState, Status
@@ -113,7 +113,10 @@ def _below_synchronous(update: LiveUpdate) -> str:
 
 
 def _shaft(update: LiveUpdate, snapshot: Snapshot) -> list[str]:
-    rows = [_row("**peak-to-peak**", [micrometres(float(v)) for v in snapshot.peak_to_peak])]
+    rows = [
+        _row(f"**{measure.unit.removeprefix('µm ')}**", [micrometres(value) for value in values])
+        for measure, values in zip(OVERALL.rows, snapshot.overall.tolist(), strict=True)
+    ]
     prediction = update.prediction
     if prediction is not None:
         rows.append(_row("model", [micrometres(float(v)) for v in prediction.peak_to_peak]))

@@ -4,6 +4,7 @@ import os
 import shutil
 import tempfile
 import weakref
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
@@ -33,10 +34,8 @@ from sqlalchemy import (
 from sqlalchemy.exc import ArgumentError, DatabaseError, OperationalError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
+from analysis.signals.snapshot import LARGEST_OVERALL
 from recordings.errors import StorageError
-
-VERSION = 2
-"""Version of the tables; a catalogue of another version is deleted and built again from the files."""
 
 ID_LENGTH = 128
 FOLDER_LENGTH = 512
@@ -84,7 +83,7 @@ RUN = Table(
     Column("is_summarised", Boolean, nullable=False, default=False),
     Column("lowest_speed_rpm", Float),
     Column("highest_speed_rpm", Float),
-    Column("largest_peak_to_peak_um", Float),
+    *(Column(measure.full_name, Float) for measure in LARGEST_OVERALL.rows),
     Column("severity", String(16)),
 )
 
@@ -131,6 +130,9 @@ CACHED = Table(  # results computed from a run, valid for the file of this size 
     Column("changed_ns", BigInteger, nullable=False),
     Column("document", Text, nullable=False),
 )
+
+VERSION = zlib.crc32(repr([(table.name, list(table.columns)) for table in METADATA.sorted_tables]).encode()) >> 1
+"""Version of the tables, from their definition; a catalogue of another version is built again from the files."""
 
 
 CATALOGUE_VARIABLE = "RIG_CATALOGUE"

@@ -15,6 +15,7 @@ from typing import Annotated, Self
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import Acquisition, RunHeader
+from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import NUMBER
 from recordings.errors import AnnotationError, RecordingError, StorageError
 from recordings.file_operations import atomic_write
@@ -147,6 +148,8 @@ class RunEntry:
         Samples per channel.
     calibration : str
         `calibration_identity` of the probes' calibrations.
+    largest : tuple of float or None
+        Largest overall vibration by the measures `OVERALL`; None until the run is indexed with its summary.
     """
 
     id: Annotated[str, NUMBER.of("Id of the run", "run")]
@@ -165,6 +168,7 @@ class RunEntry:
         str, NUMBER.of("Verdict of the last verification: sound, not whole, unreadable; empty without one")
     ] = ""
     calibration: str = ""
+    largest: Annotated[tuple[float, ...] | None, LARGEST_OVERALL] = None
 
     @property
     def started_ns(self) -> int:

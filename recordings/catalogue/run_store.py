@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, exis
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
+from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import MICROMETRE, RPM
 from recordings.catalogue.database import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG, Database
 from recordings.catalogue.entry import Annotations, RunEntry, StoredRun
@@ -37,6 +38,8 @@ class Search:
         Words that must all occur in id, rig, note, remark or markers, in any case.
     tags : tuple of str
         Tags that the run must all have.
+    overall : tuple of (str, float, float)
+        Names of measures `OVERALL`, and the range of their largest value in the run, m.
     onset_below : float or None
         A sub-synchronous component began below this speed, rad/s.
     is_complete : bool or None
@@ -55,6 +58,7 @@ class Search:
     speed_high: float | None = None
     text: str = ""
     tags: tuple[str, ...] = ()
+    overall: tuple[tuple[str, float, float], ...] = ()
     onset_below: float | None = None
     is_complete: bool | None = None
     rig: str = ""
@@ -73,6 +77,7 @@ def search_condition(search: Search) -> ColumnElement[bool]:
         terms.append(RUN.c.highest_speed_rpm >= search.speed_low / RPM)
     if search.speed_high is not None:
         terms.append(RUN.c.lowest_speed_rpm <= search.speed_high / RPM)
+    terms += [term for name, low, high in search.overall for term in _overall_terms(name, low, high)]
     if search.is_complete is not None:
         terms.append(RUN.c.is_complete == search.is_complete)
     terms += [column == name for column, name in ((RUN.c.rig, search.rig), (RUN.c.serial, search.serial)) if name]
@@ -122,7 +127,10 @@ class SummarisedRun:
             "is_summarised": True,
             "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
             "highest_speed_rpm": _finite(summary.highest_speed / RPM),
-            "largest_peak_to_peak_um": _finite(summary.largest_peak_to_peak / MICROMETRE),
+            **{
+                row.full_name: _finite(row.shown(value))
+                for row, value in zip(LARGEST_OVERALL.rows, summary.largest, strict=True)
+            },
             "severity": summary.severity.value,
         }
 
@@ -320,6 +328,7 @@ class RunStore:
             tags=tags,
             verdict=row["verdict"],
             calibration=row["calibration"],
+            largest=_largest(row) if row["is_summarised"] else None,
         )
 
     def _load_setups(self, connection: Connection, keys: set[str]) -> None:
@@ -340,6 +349,20 @@ class RunStore:
         for tagged_id, tag in connection.execute(select(TAG.c.id, TAG.c.tag).where(is_wanted).order_by(TAG.c.tag)):
             tags[tagged_id] = (*tags.get(tagged_id, ()), tag)
         return tags
+
+
+def _overall_terms(name: str, low: float, high: float) -> Iterator[ColumnElement[bool]]:
+    """Yield the conditions for a range of the largest overall vibration by a measure, m."""
+    measure = next(row for row in LARGEST_OVERALL.rows if row.name == f"largest_{name}")
+    yield RUN.c[measure.full_name] >= measure.shown(low)
+    if math.isfinite(high):
+        yield RUN.c[measure.full_name] <= measure.shown(high)
+
+
+def _largest(row: Mapping[str, Any] | RowMapping) -> tuple[float, ...]:
+    """Return the largest overall vibration by the measures `OVERALL`, NaN where unknown."""
+    values = [(measure, row[measure.full_name]) for measure in LARGEST_OVERALL.rows]
+    return tuple(math.nan if value is None else value * measure.scale for measure, value in values)
 
 
 def _finite(value: float) -> float | None:

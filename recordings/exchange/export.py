@@ -9,7 +9,7 @@ import numpy as np
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Channel
 from analysis.signals.snapshot import Snapshot
-from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from analysis.signals.units import LENGTH, MICROMETRE, RPM, phase_lag_degrees, readings
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
 from recordings.file_operations import Progress, ignore_progress
@@ -26,8 +26,7 @@ RESULT_UNITS = {
     "speed_rpm": "r/min",
     "gap_x_v": "V",
     "gap_y_v": "V",
-    "peak_to_peak_x_um": "µm",
-    "peak_to_peak_y_um": "µm",
+    **{name: LENGTH.unit for name, reading in readings(Snapshot).items() if reading.attribute == "overall"},
     "x_1x_um": "µm",
     "x_1x_lag_deg": "deg",
     "y_1x_um": "µm",
@@ -198,7 +197,7 @@ def _row(snapshot: Snapshot) -> Iterator[float]:
     """Yield the values of a snapshot in the order of `RESULT_UNITS`."""
     yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
     yield from snapshot.gap_volts
-    yield from snapshot.peak_to_peak / MICROMETRE
+    yield from (snapshot.overall / MICROMETRE).ravel()
     frame = snapshot.frame
     if frame is None:
         yield from [math.nan] * 20

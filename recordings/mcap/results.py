@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.signals import ComplexArray
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import (
+    OVERALL,
     CounterReport,
     OrderFrame,
     RunOut,
@@ -99,7 +100,7 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
         ),
         gap_volts=_floats([features.gap_x_v, features.gap_y_v]),
         gap_in_window=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
-        peak_to_peak=_floats([features.peak_to_peak_x_m, features.peak_to_peak_y_m]),
+        overall=np.array([[_stored(features, f"{row.name}_{probe}_m") for probe in "xy"] for row in OVERALL.rows]),
         clipped=np.array(features.clipped, dtype=np.int64),
         frame=None if frame is None else _decoded_frame(frame),
         trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
@@ -126,18 +127,24 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         gap_y_v=snapshot.gap_volts[1],
         gap_x_ok=bool(snapshot.gap_in_window[0]),
         gap_y_ok=bool(snapshot.gap_in_window[1]),
-        peak_to_peak_x_um=snapshot.peak_to_peak[0] / MICROMETRE,
-        peak_to_peak_y_um=snapshot.peak_to_peak[1] / MICROMETRE,
-        peak_to_peak_x_m=snapshot.peak_to_peak[0],
-        peak_to_peak_y_m=snapshot.peak_to_peak[1],
         clipped=snapshot.clipped.tolist(),
         beyond_calibration=snapshot.outside_calibration.tolist(),
         has_order_frame=snapshot.frame is not None,
         counter=None if snapshot.counter is None else _check(snapshot.counter),
     )
+    for measure, values in zip(OVERALL.rows, snapshot.overall.tolist(), strict=True):
+        for probe, value in zip("xy", values, strict=True):
+            setattr(message, f"{measure.name}_{probe}_m", value)
+            setattr(message, f"{measure.name}_{probe}_um", value / MICROMETRE)
     if snapshot.frame is not None:
         _add_orders(message, snapshot.frame)
     return message
+
+
+def _stored(message: rig_pb2.Features, name: str) -> float:
+    """Return a number of a message; NaN if it is missing, as in older files."""
+    is_missing = message.DESCRIPTOR.fields_by_name[name].has_presence and not message.HasField(name)
+    return math.nan if is_missing else float(getattr(message, name))
 
 
 def _check(counter: CounterReport) -> rig_pb2.CounterCheck:

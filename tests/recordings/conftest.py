@@ -22,7 +22,7 @@ from analysis.signals.header import (
     RunHeader,
     Tacho,
 )
-from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.snapshot import OVERALL, OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from analysis.signals.units import RPM
 from tests.recordings.postgresql import new_schema, server
 
@@ -130,7 +130,7 @@ def make_snapshot() -> Callable[..., Snapshot]:
             ),
             gap_volts=random.standard_normal(2) + 5,
             gap_in_window=np.array([True, False]),
-            peak_to_peak=random.random(2) * 1e-4,
+            overall=random.random((len(OVERALL.rows), 2)) * 1e-4,
             clipped=np.array([0, 3, 0]),
             outside_calibration=np.array([0, 1_234_567]),
             frame=frame if with_frame else None,

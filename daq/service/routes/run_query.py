@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from analysis.signals.units import RPM
 from daq.reports.parameters import MAX_SPEED_RPM, QueryParameters
+from daq.schemas.vibration import OverallRangeQuery
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.run_store import Search
 
@@ -57,7 +58,7 @@ Speed = Annotated[float, Field(ge=0, le=MAX_SPEED_RPM)]
 Timestamp = Annotated[datetime, BeforeValidator(_with_timezone)]
 
 
-class RunQuery(QueryParameters):
+class RunQuery(OverallRangeQuery, QueryParameters):
     """Filters, sort order and page of the run list; a run must match all filters."""
 
     rig: Annotated[str | None, Field(description="Only runs of the rig with this name", examples=["gj90c"])] = None
@@ -111,6 +112,7 @@ class RunQuery(QueryParameters):
             started_before_ns=_nanoseconds(self.before),
             speed_low=None if self.speed_from_rpm is None else self.speed_from_rpm * RPM,
             speed_high=None if self.speed_to_rpm is None else self.speed_to_rpm * RPM,
+            overall=self.overall_ranges(),
             text=self.text,
             tags=self.tag,
             onset_below=None if self.onset_below_rpm is None else self.onset_below_rpm * RPM,

@@ -18,7 +18,7 @@ from analysis.live.alarms import (
 )
 from analysis.signals.blocks import TimeInRun
 from analysis.signals.header import Limits, Severity
-from analysis.signals.snapshot import OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.snapshot import OVERALL, OrderFrame, Snapshot, TachoReport, TachoState, Trace, Whirl
 from analysis.signals.units import MICROMETRE
 
 LIMITS = Limits(80 * MICROMETRE, 95 * MICROMETRE, 100 * MICROMETRE, 2000.0)
@@ -39,7 +39,7 @@ def snapshot(time: float, x: float, y: float, segment: int = 0) -> Snapshot:
         tacho=TachoReport(TachoState.GOOD, 1, 0, 0, 1e-6),
         gap_volts=np.array([5.0, 5.0]),
         gap_in_window=np.array([True, True]),
-        peak_to_peak=np.array([x, y]) * MICROMETRE,
+        overall=np.array([[x, y]] * len(OVERALL.rows)) * MICROMETRE,
         clipped=np.zeros(3, dtype=np.int64),
         frame=None,
         trace=Trace(np.empty(0), np.empty((2, 0)), np.empty(0)),

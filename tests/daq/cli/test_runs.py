@@ -1,6 +1,7 @@
 """`rig index`, `rig runs` and `rig annotate`: exit codes and output."""
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -39,12 +40,16 @@ def test_runs_are_filtered_by_time_rig_calibration_speed_text_and_tags(run: Path
     other.append(["--onset-below", "9000"])
     assert main(["runs", "--json"]) == 0
     (listed,) = json.loads(capsys.readouterr().out)
+    low, high = math.floor(listed["largest_peak_to_peak_um"]), math.ceil(listed["largest_peak_to_peak_um"])
+    matching += [["--peak-to-peak", f"{low}-{high}"]]
+    other += [["--peak-to-peak", f"{high}-{high + 1}"], ["--peak-to-peak", f"0-{low}"]]
     matching += [["--rig", listed["rig"]], ["--calibration", listed["calibration"][:6]]]
     other += [["--rig", "none"], ["--calibration", "none"], ["--device", "none"]]
     for option in matching:
         assert main(["runs", *option]) == 0
         assert re.fullmatch(
-            rf"{RUN} +2\.0 s .* MB  complete  #good  “cold oil”  “bearing new”\n", capsys.readouterr().out
+            rf"{RUN} +2\.0 s .* MB  complete  [\d.]+ µm peak-to-peak  .*#good  “cold oil”  “bearing new”\n",
+            capsys.readouterr().out,
         )
     for option in other:
         assert main(["runs", *option]) == 0

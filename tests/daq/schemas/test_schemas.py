@@ -17,7 +17,7 @@ from pydantic import Field
 from pydantic.fields import FieldInfo
 
 from analysis.signals import FloatArray
-from analysis.signals.snapshot import Whirl
+from analysis.signals.snapshot import OVERALL, Whirl
 from analysis.signals.units import MICROMETRE, PEAK_TO_PEAK, RPM, SPEED, phase_lag_degrees
 from daq import schemas
 from daq.schemas.live import live_schema
@@ -120,7 +120,7 @@ def test_live_schema_is_valid_json_for_any_numbers(speed: float, level: float, r
             snapshot,
             speed=speed,
             gap_volts=np.array([level, real]),
-            peak_to_peak=np.array([real, level]),
+            overall=np.array([[real, level]] * len(OVERALL.rows)),
             frame=replace(snapshot.frame, speed=speed, vectors=vectors, whirls=(whirl,), noise=level),
         ),
         replace(prediction, speed=speed, vectors=vectors, whirl_order=order, whirl_amplitude=level, growth_rate=real),

@@ -81,7 +81,7 @@ def test_alarm_that_is_over_stays_shown_where_latching_is_configured(
     first = start_recording(rig(simulation=falling), tmp_path)
     assert first.wait(60)
     first.close()
-    overall = [float(row.largest_peak_to_peak.max()) / MICROMETRE for row in first.summary().rows]
+    overall = [float(row.largest_overall[0].max()) / MICROMETRE for row in first.summary().rows]
     limits = {"peak_to_peak_alarm_um": 0.5 * (min(overall) + max(overall)), "hold_s": 0.0, "latch": latch}
     (tmp_path / "again").mkdir()
     run = start_recording(rig(simulation=falling, limits=limits), tmp_path / "again")

@@ -22,7 +22,7 @@ from analysis.signals.header import (
     Severity,
     Tacho,
 )
-from analysis.signals.snapshot import OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
+from analysis.signals.snapshot import OVERALL, OrderFrame, RunOut, Snapshot, TachoReport, TachoState, Trace, Whirl
 from analysis.signals.units import RPM
 from daq.session.live_update import LiveUpdate, RunState, Status
 from model.prediction.prediction_map import Prediction
@@ -154,7 +154,7 @@ def make_snapshot(time: float, speed: float, settings: AnalysisSettings, noise: 
         tacho=TachoReport(TachoState.GOOD, pulses=round(time * 100), filled=0, rejected=0, jitter=2e-6),
         gap_volts=np.array([5.1, 4.8]),
         gap_in_window=np.array([True, True]),
-        peak_to_peak=np.ptp(waveform, axis=1),
+        overall=np.array([np.ptp(waveform, axis=1)] * len(OVERALL.rows)),
         clipped=np.zeros(3, dtype=np.int64),
         frame=OrderFrame(
             speed=speed,

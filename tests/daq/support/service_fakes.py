@@ -9,7 +9,7 @@ import numpy as np
 from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals.blocks import EndReason, RampDirection, SegmentEnd, TimeInRun
 from analysis.signals.header import Severity
-from analysis.signals.snapshot import TachoReport, TachoState
+from analysis.signals.snapshot import OVERALL, TachoReport, TachoState
 from analysis.signals.units import RPM
 from analysis.vectors.speed_curve import SpeedRow
 from analysis.whirl.findings import WhirlFinding
@@ -80,11 +80,12 @@ def make_summary() -> RunSummary:
 
     def row(speed_rpm: float, order: float, amplitude: float) -> SpeedRow:
         vectors = np.array([[10e-6 * np.exp(-0.5j), 11e-6 * np.exp(1j)], [1e-6, complex(math.nan, 0.0)]])
-        two = np.array([30e-6, 31e-6])
+        two = np.array([[30e-6, 31e-6]] * len(OVERALL.rows))
         scatter, compensated = np.full((2, 2), 4e-7), np.full((2, 2), complex(math.nan))
         sizes = (two, 1.1 * two, 5e-8, amplitude, order)
         return SpeedRow(RampDirection.RUN_UP, speed_rpm * RPM, 24, vectors, scatter, *sizes, compensated)
 
+    largest, none = (96.1e-6,) * len(OVERALL.rows), (0.0,) * len(OVERALL.rows)
     return RunSummary(
         run=NEWEST,
         rig="gj90c",
@@ -101,8 +102,8 @@ def make_summary() -> RunSummary:
         lowest_speed=1004.0 * RPM,
         highest_speed=math.nan,
         probes=(
-            ProbeSummary("x", 5.02, 4.97, 5.08, True, 96.1e-6, at(280.0, 15_060.0), Severity.DANGER),
-            ProbeSummary("y", math.nan, math.nan, math.nan, False, 0.0, None, Severity.NORMAL),
+            ProbeSummary("x", 5.02, 4.97, 5.08, True, largest, at(280.0, 15_060.0), Severity.DANGER),
+            ProbeSummary("y", math.nan, math.nan, math.nan, False, none, None, Severity.NORMAL),
         ),
         clipped=(0, 3, 0),
         snapshots=3000,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from analysis.signals.header import Severity
-from analysis.signals.snapshot import TachoState
+from analysis.signals.snapshot import OVERALL, TachoState
 from daq.colours import ALARM, DANGER, MARKER, MEASURED_X, MEASURED_Y, MODEL, TACHO, Color
 from daq.session.live_update import Clipping, LiveUpdate, RunState, Status, TimedMarker
 from daq.view.drawing import MODEL_DASH, Drawing, text_strokes, text_width
@@ -286,7 +286,7 @@ def test_trend_retains_maxima_and_switches_to_minutes() -> None:
     assert update.snapshot is not None
     for k in range(1200):
         spike = 90e-6 if k == 1003 else 10e-6
-        snapshot = replace(update.snapshot, peak_to_peak=np.array([spike, 5e-6]))
+        snapshot = replace(update.snapshot, overall=np.array([[spike, 5e-6]] * len(OVERALL.rows)))
         plot.add(replace(at_time(update, 0.1 * k), snapshot=snapshot, prediction=None))
     span, end, _ = plot.follow(at_time(update, 119.9))
     assert span == 300.0

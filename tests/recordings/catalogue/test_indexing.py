@@ -101,10 +101,13 @@ def test_summary_and_verdict_are_deleted_when_a_file_changes(tmp_path: Path, rec
     path = record("run", 1000)
     catalogue.index(summarise, verify_files=True)
     assert catalogue.run("run").verdict == "sound"
+    with RunReader(path) as reader:
+        assert catalogue.run("run").largest == pytest.approx(summarise(reader).largest, nan_ok=True)
     assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
     path.write_bytes(path.read_bytes()[:-1000])
     os.utime(path, (5000, 5000))
     assert catalogue.run("run").verdict == ""
+    assert catalogue.run("run").largest is None
     assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
     catalogue.index(summarise, verify_files=True)
     assert catalogue.run("run").verdict == "not whole"

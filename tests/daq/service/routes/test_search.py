@@ -52,6 +52,10 @@ def test_run_list_filters_by_measurement_annotation_and_calibration(bench: Recor
     assert listed(bench, speed_from_rpm=5000) == listed(bench, text="BEARING fast") == [FAST]
     assert listed(bench, speed_to_rpm=5000) == [SLOW]
     assert listed(bench, tag=["good", "reference"]) == [FAST]
+    vibration = run["largest_peak_to_peak_um"]
+    assert FAST in listed(bench, peak_to_peak_from_um=vibration - 0.01, peak_to_peak_to_um=vibration + 0.01)
+    assert FAST not in listed(bench, peak_to_peak_from_um=vibration + 0.01)
+    assert FAST not in listed(bench, peak_to_peak_to_um=vibration - 0.01)
     assert listed(bench, tag=["good", "odd"]) == []
     assert sorted(listed(bench, since="2026-11-01", before="2027-01-01T00:00:00Z")) == both
     assert listed(bench, since="9999-12-31T23:59:59Z") == listed(bench, before="0001-01-01T00:00:00Z") == []
