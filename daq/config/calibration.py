@@ -7,14 +7,14 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field
 
 from analysis.preflight.calibration import ORDER_RANGE, CalibrationFit, default_order, fit_calibration
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.header import Calibration
 from analysis.signals.units import MICROMETRE
 from daq.config.schema import NotNegative, Section
-from daq.config.toml_files import plain_json, read_tables, read_text, to_toml, validation_faults
+from daq.config.toml_files import read_tables, read_text, to_toml, validated
 from daq.errors import ConfigError, UsageError
 
 FloatArray = NDArray[np.float64]
@@ -30,7 +30,18 @@ def _iso_date(value: str) -> str:
     return value
 
 
-class CalibrationTable(Section):
+class CalibrationMetadata(Section):
+    """The data of a calibration other than its curve and points."""
+
+    sensor: str = ""  # serial numbers
+    conditioner: str = ""
+    date: Annotated[str, AfterValidator(_iso_date)]
+    target: str = ""  # material and diameter of the calibration target
+    operator: str = ""  # name of the person who calibrated
+    note: str = ""
+
+
+class CalibrationTable(CalibrationMetadata):
     """`[calibration]`: gap = sum of ``coefficients_um[k]`` · volts**k; without coefficients, a fit to the points."""
 
     coefficients_um: Annotated[tuple[float, ...], Field(min_length=2, max_length=8)] | None = None  # µm per volt**k
@@ -38,12 +49,6 @@ class CalibrationTable(Section):
     volts_low: float | None = None  # the span that was calibrated; left out: that of the points
     volts_high: float | None = None
     residual_um: NotNegative | None = None  # largest deviation of a calibration point
-    sensor: str = ""  # serial numbers
-    conditioner: str = ""
-    date: Annotated[str, AfterValidator(_iso_date)]
-    target: str = ""  # material and diameter of the calibration target
-    operator: str = ""  # name of the person who calibrated
-    note: str = ""
 
 
 class CalibrationPoint(Section):
@@ -58,30 +63,6 @@ class CalibrationRecord(Section):
 
     calibration: CalibrationTable
     point: tuple[CalibrationPoint, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationMetadata:
-    """The data of a calibration other than its points.
-
-    Parameters
-    ----------
-    date : str
-        Date, ISO 8601.
-    sensor, conditioner : str
-        Serial numbers.
-    target : str
-        Material and diameter of the calibration target.
-    operator, note : str
-        Name of the person who calibrated, and a free text.
-    """
-
-    date: str
-    sensor: str = ""
-    conditioner: str = ""
-    target: str = ""
-    operator: str = ""
-    note: str = ""
 
 
 def load_calibration(path: Path) -> Calibration:
@@ -110,7 +91,6 @@ def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
     ConfigError
         It does not describe a curve; lists all errors.
     """
-    table = record.calibration
     faults: list[str] = []
     curve = _curve(record, faults)
     if curve is None or (faults := faults + _cross_field_faults(curve, record)):
@@ -120,11 +100,7 @@ def to_calibration(record: CalibrationRecord, file: str) -> Calibration:
         volts_low=curve.volts_low,
         volts_high=curve.volts_high,
         residual=curve.residual_um * MICROMETRE,
-        sensor=table.sensor,
-        conditioner=table.conditioner,
-        date=table.date,
-        target=table.target,
-        operator=table.operator,
+        **record.calibration.model_dump(include={"sensor", "conditioner", "date", "target", "operator"}),
     )
 
 
@@ -136,12 +112,7 @@ def load_record(path: Path) -> CalibrationRecord:
     ConfigError
         The file is missing or violates the schema; lists all errors.
     """
-    data = read_tables(read_text(path), str(path))
-    try:
-        return CalibrationRecord.model_validate_json(plain_json(data), strict=True)
-    except ValidationError as error:
-        faults = [fault.text for fault in validation_faults(error, CalibrationRecord, data)]
-        raise ConfigError(str(path), faults) from error
+    return validated(CalibrationRecord, read_tables(read_text(path), str(path)), str(path))
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,16 +190,11 @@ def fitted_record(
         The record's other data.
     """
     table = CalibrationTable(
+        **metadata.model_dump(),
         coefficients_um=tuple(float(f"{coefficient / MICROMETRE:.9g}") for coefficient in fit.coefficients),
         volts_low=round(fit.volts_low, 6),
         volts_high=round(fit.volts_high, 6),
         residual_um=float(f"{fit.residual / MICROMETRE:.4g}"),
-        sensor=metadata.sensor,
-        conditioner=metadata.conditioner,
-        date=metadata.date,
-        target=metadata.target,
-        operator=metadata.operator,
-        note=metadata.note,
     )
     points = tuple(
         CalibrationPoint(gap_um=round(float(gap) / MICROMETRE, 4), volts=round(float(volt), 6))

@@ -4,11 +4,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationError
+from pydantic import AfterValidator, Field
 
 from daq.config.schema import Section
-from daq.config.toml_files import plain_json, read_tables, read_text, validation_faults
-from daq.errors import ConfigError
+from daq.config.toml_files import read_tables, read_text, validated
 
 SECOND = 1_000_000_000  # ns
 
@@ -77,9 +76,4 @@ class ImportMapping(ChannelMapping):
 def load_mapping(path: Path) -> tuple[ImportMapping, str]:
     """Return the content of a mapping file and its text; ConfigError lists all errors."""
     text = read_text(path)
-    data = read_tables(text, str(path))
-    try:
-        return ImportMapping.model_validate_json(plain_json(data), strict=True), text
-    except ValidationError as error:
-        faults = validation_faults(error, ImportMapping, data)
-        raise ConfigError(str(path), [fault.text for fault in faults]) from error
+    return validated(ImportMapping, read_tables(text, str(path)), str(path)), text

@@ -2,8 +2,10 @@
 
 import copy
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,18 +13,18 @@ from pydantic import ValidationError
 
 from analysis.signals.header import Calibration, Role
 from daq.config.calibration import load_calibration
-from daq.config.consistency import card_faults, cross_field_faults, trigger_faults
+from daq.config.consistency import card_issues, consistency_issues, trigger_issues
 from daq.config.rig import Rig, default_rotor, read_rotor
 from daq.config.schema import ChannelSection, RigConfig, TriggerSection
 from daq.config.toml_files import (
-    Fault,
+    ConfigIssue,
     KeyPath,
-    plain_json,
     read_tables,
     read_text,
-    to_toml,
     toml_literal,
-    validation_faults,
+    validate,
+    validated,
+    validation_issues,
 )
 from daq.errors import ConfigError
 
@@ -68,8 +70,8 @@ def load_rig(path: Path | str) -> Rig:
     """
     path = Path(path)
     data = read_tables(read_text(path), str(path))
-    rotor_faults = _embed_rotor(data, path.parent)
-    return _rig(path, data, rotor_faults, lambda _, file: load_calibration(path.parent / file))
+    rotor_issues = _embed_rotor(data, path.parent)
+    return _rig(path, data, rotor_issues, lambda _, file: load_calibration(path.parent / file))
 
 
 def parse_rig(text: str, calibrations: Mapping[str, Calibration], file: str) -> Rig:
@@ -89,42 +91,39 @@ def parse_rig(text: str, calibrations: Mapping[str, Calibration], file: str) -> 
     ConfigError
         The text is wrong, or a calibration is missing; lists all errors.
     """
-    data = read_tables(text, file)
 
     def given(channel: str, _file: str) -> Calibration:
         if channel not in calibrations:
             raise ConfigError(file, [f"no file is read here: expected the calibration of {channel!r} with the text"])
         return calibrations[channel]
 
+    data = read_tables(text, file)
     return _rig(Path(file), data, _embed_rotor(data, None), given)
 
 
 def _rig(
-    path: Path, data: dict[str, object], rotor_faults: list[Fault], calibration_of: Callable[[str, str], Calibration]
+    path: Path,
+    data: dict[str, object],
+    rotor_issues: list[ConfigIssue],
+    calibration_of: Callable[[str, str], Calibration],
 ) -> Rig:
     """Return the rig in parsed tables; `calibration_of` returns the calibration for a channel and file name."""
-    config, faults = _validate(data, _all_faults)
-    faults += rotor_faults
+    config, issues = _validate(data, lambda config: chain(consistency_issues(config), card_issues(config)))
+    issues += rotor_issues
     calibrations: dict[str, Calibration] = {}
     for number, channel in _probes(data):
         key, name = f"channel[{number}]", str(channel.get("name"))
         try:
-            calibration = calibration_of(name, str(channel["calibration"]))
+            calibrations[name] = calibration_of(name, str(channel["calibration"]))
         except ConfigError as error:
             entry = f'{key}.calibration = "{channel["calibration"]}"'
-            faults += [Fault((f"{key}.calibration",), f"{entry}: {fault}") for fault in error.faults]
+            issues += [ConfigIssue((f"{key}.calibration",), f"{entry}: {fault}") for fault in error.faults]
         else:
-            calibrations[name] = calibration
             if config is not None:
-                faults += _gap_window_faults(config.channel[number], calibration, key)
-    if faults or config is None:
-        raise ConfigError(str(path), [fault.text for fault in faults])
-    return Rig(
-        path=path,
-        config=config,
-        calibrations=calibrations,
-        toml=to_toml(config.model_dump(mode="json", exclude_none=True)),
-    )
+                issues += _gap_window_issues(config.channel[number], calibrations[name], key)
+    if issues or config is None:
+        raise ConfigError(str(path), [issue.text for issue in issues])
+    return Rig(path=path, config=config, calibrations=calibrations)
 
 
 def read_recorded_config(text: str, file: str) -> RigConfig:
@@ -148,9 +147,9 @@ def read_recorded_config(text: str, file: str) -> RigConfig:
     """
     data = read_tables(text, file)
     _translate_renamed_keys(data)
-    config, faults = _validate(data, cross_field_faults)
-    if config is None or any(fault.keys[0].startswith(MODEL_SECTIONS) for fault in faults):
-        raise ConfigError(file, [fault.text for fault in faults])
+    config, issues = _validate(data, consistency_issues)
+    if config is None or any(issue.keys[0].startswith(MODEL_SECTIONS) for issue in issues):
+        raise ConfigError(file, [issue.text for issue in issues])
     return config
 
 
@@ -164,7 +163,7 @@ def _translate_renamed_keys(data: dict[str, object]) -> None:
             table.setdefault(new, table.pop(old))
 
 
-def _embed_rotor(data: dict[str, object], folder: Path | None) -> list[Fault]:
+def _embed_rotor(data: dict[str, object], folder: Path | None) -> list[ConfigIssue]:
     """Put the content of the rotor file into the tables, so that a recording holds it; return errors.
 
     `folder` is the folder of the rotor file; with None no file may be named.
@@ -175,99 +174,72 @@ def _embed_rotor(data: dict[str, object], folder: Path | None) -> list[Fault]:
         return []  # reported by the schema
     if "rotor" in data:
         text = f"{ROTOR_KEY} = {toml_literal(name)}: expected none beside the file's own [rotor]"
-        return [Fault((ROTOR_KEY,), text)] if name else []
+        return [ConfigIssue((ROTOR_KEY,), text)] if name else []
     if not name:
         data["rotor"] = default_rotor()
         return []
     if folder is None:
         text = f"{ROTOR_KEY} = {toml_literal(name)}: no file is read here, expected its content as [rotor]"
-        return [Fault((ROTOR_KEY,), text)]
+        return [ConfigIssue((ROTOR_KEY,), text)]
     try:
         data["rotor"] = read_rotor(folder / name)
     except ConfigError as error:
-        return [Fault((ROTOR_KEY,), f"{ROTOR_KEY} = {toml_literal(name)}: {fault}") for fault in error.faults]
+        return [ConfigIssue((ROTOR_KEY,), f"{ROTOR_KEY} = {toml_literal(name)}: {fault}") for fault in error.faults]
     return []
 
 
-def _all_faults(config: RigConfig) -> Iterator[Fault]:
-    yield from cross_field_faults(config)
-    yield from card_faults(config)
-
-
 def _validate(
-    data: dict[str, object], contradictions: Callable[[RigConfig], Iterator[Fault]]
-) -> tuple[RigConfig | None, list[Fault]]:
+    data: dict[str, object], contradictions: Callable[[RigConfig], Iterable[ConfigIssue]]
+) -> tuple[RigConfig | None, list[ConfigIssue]]:
     """Return the configuration in parsed tables and all errors in it; None where required parts are missing.
 
     Pydantic stops at the errors of single keys. To check also how the other keys fit together, wrong values are removed
     so that their defaults apply, required ones are replaced by placeholders, and the rest is validated again, then
     passed to `contradictions`.
     """
-    faults: list[Fault] = []
-    sound: dict[str, object] = data
+    issues: list[ConfigIssue] = []
+    sound: Any = copy.deepcopy(data)
     complete = True
     for _ in range(MAX_ROUNDS):
         try:
-            config = RigConfig.model_validate_json(plain_json(sound), strict=True)
+            config = validate(RigConfig, sound)
         except ValidationError as error:
-            if not faults:
-                faults = list(validation_faults(error, RigConfig, data, RENAMED_KEYS))
+            issues = issues or list(validation_issues(error, RigConfig, RENAMED_KEYS))
             missing = [details["loc"] for details in error.errors() if details["type"] == "missing"]
-            incomplete = [path[:-1] for path in missing if path[-1] not in PLACEHOLDERS]  # tables to leave out
-            if () in incomplete:
-                return None, faults
-            wrong_paths = [details["loc"] for details in error.errors() if details["type"] != "missing"]
-            complete = complete and not missing and not any(isinstance(path[-1], int) for path in wrong_paths)
-            filled = _with_placeholders(sound, [path for path in missing if path[-1] in PLACEHOLDERS])
-            sound = _without(filled, wrong_paths + incomplete)
+            wrong = [details["loc"] for details in error.errors() if details["type"] != "missing"]
+            complete = complete and not missing and not any(isinstance(path[-1], int) for path in wrong)
+            for *above, last in missing:
+                if last in PLACEHOLDERS:
+                    reduce(lambda table, key: table[key], above, sound)[last] = PLACEHOLDERS[last]
+                elif above:
+                    wrong.append(tuple(above))  # the table is left out
+                else:
+                    return None, issues
+            sound = _without(sound, wrong)
         else:
-            wrong = {fault.keys[0] for fault in faults}
-            faults += [fault for fault in contradictions(config) if not _follows_from(fault, wrong)]
-            return config if complete else None, faults
-    return None, faults
+            keys = {issue.keys[0] for issue in issues}
+            issues += [issue for issue in contradictions(config) if not _follows_from(issue, keys)]
+            return config if complete else None, issues
+    return None, issues
 
 
-def _without(data: Mapping[str, object], paths: Sequence[KeyPath]) -> dict[str, object]:
-    """Return nested tables without the values at the paths."""
-    result: dict[str, object] = {}
-    for key, value in data.items():
+def _without(value: object, paths: Sequence[KeyPath]) -> Any:
+    """Return nested tables and lists without the values at the paths."""
+    if not isinstance(value, dict | list):
+        return value
+    kept = {}
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
         inner = [path[1:] for path in paths if path[0] == key]
-        if () in inner:
-            continue
-        result[key] = value
-        if isinstance(value, Mapping):
-            result[key] = _without(value, inner)
-        elif isinstance(value, list):
-            result[key] = _items_without(value, inner)
-    return result
-
-
-def _items_without(items: list[object], paths: Sequence[KeyPath]) -> list[object]:
-    """Return a list without the values at the paths in it."""
-    result: list[object] = []
-    for number, item in enumerate(items):
-        inner = [path[1:] for path in paths if path[0] == number]
         if () not in inner:
-            result.append(_without(item, inner) if isinstance(item, Mapping) else item)
-    return result
+            kept[key] = _without(item, inner)
+    return kept if isinstance(value, dict) else list(kept.values())
 
 
-def _with_placeholders(data: dict[str, object], paths: Sequence[KeyPath]) -> dict[str, object]:
-    """Return nested tables with placeholders at the paths."""
-    filled = copy.deepcopy(data)
-    for path in paths:
-        table: Any = filled
-        for part in path[:-1]:
-            table = table[part]
-        table[path[-1]] = PLACEHOLDERS[path[-1]]
-    return filled
-
-
-def _follows_from(fault: Fault, wrong: set[str]) -> bool:
+def _follows_from(issue: ConfigIssue, wrong: set[str]) -> bool:
     """Return whether a contradiction involves a key that is itself wrong, and so adds nothing."""
     known = wrong | {re.sub(r"\[\d+\]", "", key) for key in wrong}
     return any(
-        key == bad or key.startswith(f"{bad}.") or bad.startswith(f"{key}[") for key in fault.keys for bad in known
+        key == bad or key.startswith(f"{bad}.") or bad.startswith(f"{key}[") for key in issue.keys for bad in known
     )
 
 
@@ -281,7 +253,7 @@ def _probes(data: Mapping[str, object]) -> Iterator[tuple[int, Mapping[str, obje
                 yield number, channel
 
 
-def _gap_window_faults(channel: ChannelSection, calibration: Calibration, key: str) -> list[Fault]:
+def _gap_window_issues(channel: ChannelSection, calibration: Calibration, key: str) -> list[ConfigIssue]:
     """Return an error if the gap window exceeds the calibrated span."""
     low, high = channel.gap_window_v
     if low >= calibration.volts_low and high <= calibration.volts_high:
@@ -289,7 +261,7 @@ def _gap_window_faults(channel: ChannelSection, calibration: Calibration, key: s
     span = f"{calibration.volts_low:g} to {calibration.volts_high:g} V"
     name = f"{key}.gap_window_v"
     text = f"{name} = [{low:g}, {high:g}]: expected voltages in the calibrated span, {span} ({channel.calibration})"
-    return [Fault((name,), text)]
+    return [ConfigIssue((name,), text)]
 
 
 def with_trigger(rig: Rig, **changes: str | float | None) -> Rig:
@@ -310,12 +282,10 @@ def with_trigger(rig: Rig, **changes: str | float | None) -> Rig:
     values = {key: value for key, value in changes.items() if value is not None}
     if not values:
         return rig
-    try:
-        trigger = TriggerSection.model_validate(rig.config.trigger.model_dump() | values)
-    except ValidationError as error:
-        faults = [f"trigger.{each['loc'][0]} = {each['input']}: {each['msg']}" for each in error.errors()]
-        raise ConfigError("requested trigger", faults) from error
-    config = rig.config.model_copy(update={"trigger": trigger})
-    if faults := [fault.text for fault in trigger_faults(config)]:
-        raise ConfigError("requested trigger", faults)
-    return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))
+    tables = rig.config.trigger.model_dump() | values
+    config = rig.config.model_copy(
+        update={"trigger": validated(TriggerSection, tables, "requested trigger", "trigger")}
+    )
+    if issues := [issue.text for issue in trigger_issues(config)]:
+        raise ConfigError("requested trigger", issues)
+    return replace(rig, config=config)

@@ -22,7 +22,7 @@ from analysis.signals.header import (
 from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from daq.config.devices import device_spec
 from daq.config.schema import ChannelSection, ModelSection, RigConfig
-from daq.config.toml_files import read_tables, read_text
+from daq.config.toml_files import read_tables, read_text, to_toml
 from model.rotor.parameters import FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor_file import parse_rotor
 
@@ -59,14 +59,16 @@ class Rig:
         Its content.
     calibrations : mapping of str to Calibration
         The calibration of each probe, by channel name.
-    toml : str
-        The complete configuration as TOML, with defaults; stored in the header of every run.
     """
 
     path: Path
     config: RigConfig
     calibrations: Mapping[str, Calibration]
-    toml: str
+
+    @property
+    def toml(self) -> str:
+        """The complete configuration as TOML, with defaults; stored in the header of every run."""
+        return to_toml(self.config.model_dump(mode="json", exclude_none=True))
 
     def channel(self, section: ChannelSection, volts: tuple[float, float], scaling: tuple[float, ...]) -> Channel:
         """Return a channel of the acquisition, with the voltage range and scaling polynomial that the card reports."""

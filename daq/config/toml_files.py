@@ -1,4 +1,4 @@
-"""Read TOML files, turn pydantic's errors into "key = value: expected …", and write TOML."""
+"""TOML files validated by a pydantic schema: reading, all errors as "key = value: expected …", and writing."""
 
 import difflib
 import json
@@ -9,20 +9,42 @@ from datetime import date, datetime, time
 from enum import Enum
 from pathlib import Path
 from types import UnionType
-from typing import get_args, get_origin
+from typing import TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
-from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from daq.errors import ConfigError
 
+Schema = TypeVar("Schema", bound=BaseModel)
 KeyPath = tuple[int | str, ...]
 """Keys and list indices that lead to a value in nested tables, as `("channel", 2, "range_v")`."""
 
+# What pydantic expected, by its type of error; other types carry a message of our validators.
+EXPECTATIONS = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "string_type": "a text in quotes",
+    "finite_number": "a finite number",
+    "greater_than": "more than {gt}",
+    "greater_than_equal": "at least {ge}",
+    "less_than": "less than {lt}",
+    "less_than_equal": "at most {le}",
+    "multiple_of": "a multiple of {multiple_of}",
+    "enum": "{expected}",
+    "literal_error": "{expected}",
+    "tuple_type": "a list in brackets",
+    "too_long": "{max_length} values, there are {actual_length}",
+    "too_short": "{min_length} values, there are {actual_length}",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+}
+
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class ConfigIssue:
     """An error in a configuration file.
 
     Parameters
@@ -45,9 +67,7 @@ def dotted(path: KeyPath) -> str:
 
 def toml_literal(value: object) -> str:
     """Return a value as TOML writes it, shortened to 60 characters."""
-    if isinstance(value, Mapping):
-        return "a table"
-    text = str(value) if isinstance(value, date | time) else json.dumps(value, ensure_ascii=False, default=str)
+    text = "a table" if isinstance(value, Mapping) else json.dumps(value, ensure_ascii=False, default=str)
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -86,13 +106,31 @@ def read_tables(text: str, file: str) -> dict[str, object]:
         raise ConfigError(file, ["not a rig's TOML: tables or lists are nested too deeply"]) from error
 
 
-def validation_faults(
-    error: ValidationError,
-    schema: type[BaseModel],
-    data: Mapping[str, object],
-    renamed: Mapping[KeyPath, str] | None = None,
-) -> Iterator[Fault]:
-    """Yield the errors that pydantic found in data, one for each key.
+def validate(schema: type[Schema], data: Mapping[str, object]) -> Schema:
+    """Return parsed tables as their schema; pydantic's ValidationError if they violate it.
+
+    The tables pass as JSON, for which pydantic's strict mode accepts lists as tuples and texts as enumerations.
+    """
+    return schema.model_validate_json(json.dumps(data, default=_iso_text), strict=True)
+
+
+def validated(schema: type[Schema], data: Mapping[str, object], file: str, table: str = "") -> Schema:
+    """Return parsed tables as their schema; ConfigError with all errors, whose keys begin with that of a table."""
+    try:
+        return validate(schema, data)
+    except ValidationError as error:
+        prefix = f"{table}." if table else ""
+        raise ConfigError(file, [f"{prefix}{issue.text}" for issue in validation_issues(error, schema)]) from error
+
+
+def _iso_text(value: date | time | datetime) -> str:
+    return value.isoformat()
+
+
+def validation_issues(
+    error: ValidationError, schema: type[BaseModel], renamed: Mapping[KeyPath, str] | None = None
+) -> Iterator[ConfigIssue]:
+    """Yield the errors that pydantic found, one for each key.
 
     Parameters
     ----------
@@ -100,105 +138,47 @@ def validation_faults(
         What pydantic raised.
     schema : type of BaseModel
         Schema that was validated against.
-    data : mapping
-        The parsed tables.
     renamed : mapping of KeyPath to str or None
         Present names of former keys.
     """
-    seen: set[str] = set()
+    first: dict[KeyPath, ErrorDetails] = {}
     for details in error.errors():
-        key = dotted(details["loc"])
-        if key in seen:
-            continue
-        seen.add(key)
-        if details["type"] == "extra_forbidden" and (present := (renamed or {}).get(details["loc"])):
-            yield Fault((key,), f"{key} = {toml_literal(_value_at(details['loc'], data))}: renamed to {present}")
+        first.setdefault(details["loc"], details)
+    for path, details in first.items():
+        key = dotted(path)
+        shown = f"{key} = {toml_literal(details['input'])}"
+        section = _section(path, schema)
+        field = section.model_fields.get(str(path[-1]))
+        annotation = None if field is None else field.annotation
+        if details["type"] == "missing":
+            text = f"{key}: missing, expected {_content(path, annotation)}"
+        elif details["type"] == "extra_forbidden":
+            present = (renamed or {}).get(path)
+            text = f"{shown}: renamed to {present}" if present else f"{shown}: unknown key{_suggestion(path, section)}"
+        elif details["type"] == "tuple_type" and _table_of(annotation) is not None:
+            text = f"{shown}: expected {_content(path, annotation)}"
+        elif details["type"] == "string_pattern_mismatch" and field is not None:
+            text = f"{shown}: expected {field.description}"
         else:
-            yield Fault((key,), _text(details, key, schema, data))
-
-
-def plain_json(data: Mapping[str, object]) -> str:
-    """Return parsed TOML as JSON, for pydantic's strict mode; dates and times become text."""
-    return json.dumps(data, default=_time_text)
-
-
-def _time_text(value: date | time | datetime) -> str:
-    return value.isoformat()
-
-
-def _text(details: ErrorDetails, key: str, schema: type[BaseModel], data: Mapping[str, object]) -> str:
-    kind, path = details["type"], details["loc"]
-    if kind == "missing":
-        return f"{key}: missing, expected {_expected_content(path, schema)}"
-    value = toml_literal(_value_at(path, data))
-    if kind == "extra_forbidden":
-        return f"{key} = {value}: unknown key{_suggestion(path, schema)}"
-    if kind == "tuple_type" and _table_of(_annotation(path, schema)) is not None:
-        return f"{key} = {value}: expected {_expected_content(path, schema)}"
-    field = _field(path, schema)
-    if kind == "string_pattern_mismatch" and field is not None:
-        return f"{key} = {value}: expected {field.description}"
-    return f"{key} = {value}: expected {_expectation(details)}"
+            text = f"{shown}: expected {_expectation(details)}"
+        yield ConfigIssue((key,), text)
 
 
 def _expectation(details: ErrorDetails) -> str:
-    """Return what pydantic expected, for the operator."""
+    """Return what pydantic or one of our validators expected, for the operator."""
+    if details["type"] not in EXPECTATIONS:
+        return details["msg"].removeprefix("Value error, ").removeprefix("expected ")
     limits = details.get("ctx", {})
-    templates = {
-        "float_type": "a number",
-        "int_type": "a whole number",
-        "int_from_float": "a whole number",
-        "bool_type": "true or false",
-        "string_type": "a text in quotes",
-        "finite_number": "a finite number",
-        "greater_than": "more than {gt}",
-        "greater_than_equal": "at least {ge}",
-        "less_than": "less than {lt}",
-        "less_than_equal": "at most {le}",
-        "multiple_of": "a multiple of {multiple_of}",
-        "enum": "{expected}",
-        "literal_error": "{expected}",
-        "tuple_type": "a list in brackets",
-        "too_long": "{max_length} values, there are {actual_length}",
-        "too_short": "{min_length} values, there are {actual_length}",
-        "model_type": "a table",
-        "model_attributes_type": "a table",
-    }
-    if details["type"] in templates:
-        plain = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in limits.items()}
-        return templates[details["type"]].format(**plain)
-    return details["msg"].removeprefix("Value error, ").removeprefix("expected ")
-
-
-def _value_at(path: KeyPath, data: object) -> object:
-    """Return the value at a path in nested tables; None if there is none."""
-    for part in path:
-        if isinstance(part, int):
-            data = data[part] if isinstance(data, list) and part < len(data) else None
-        else:
-            data = data.get(part) if isinstance(data, Mapping) else None
-    return data
+    shown = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in limits.items()}
+    return EXPECTATIONS[details["type"]].format(**shown)
 
 
 def _section(path: KeyPath, schema: type[BaseModel]) -> type[BaseModel]:
     """Return the schema of the table that contains a path."""
-    section = schema
     for part in path[:-1]:
-        if isinstance(part, str) and part in section.model_fields:
-            inner = _table_of(section.model_fields[part].annotation)
-            section = inner or section
-    return section
-
-
-def _field(path: KeyPath, schema: type[BaseModel]) -> FieldInfo | None:
-    """Return the schema's field at a path; None if it has no such key."""
-    return _section(path, schema).model_fields.get(str(path[-1]))
-
-
-def _annotation(path: KeyPath, schema: type[BaseModel]) -> object:
-    """Return the type that the schema declares at a path; None if it has no such key."""
-    field = _field(path, schema)
-    return None if field is None else field.annotation
+        if part in schema.model_fields:
+            schema = _table_of(schema.model_fields[str(part)].annotation) or schema
+    return schema
 
 
 def _table_of(annotation: object) -> type[BaseModel] | None:
@@ -208,9 +188,8 @@ def _table_of(annotation: object) -> type[BaseModel] | None:
     return annotation if isinstance(annotation, type) and issubclass(annotation, BaseModel) else None
 
 
-def _expected_content(path: KeyPath, schema: type[BaseModel]) -> str:
+def _content(path: KeyPath, annotation: object) -> str:
     """Return a description of what a missing key should hold."""
-    annotation = _annotation(path, schema)
     if _table_of(annotation) is not None:
         return f"a table: [{dotted(path)}]" if isinstance(annotation, type) else f"tables: [[{dotted(path)}]]"
     if get_origin(annotation) is dict:
@@ -222,11 +201,10 @@ def _expected_content(path: KeyPath, schema: type[BaseModel]) -> str:
     return "a list in brackets" if get_origin(annotation) is tuple and isinstance(path[-1], str) else "a number"
 
 
-def _suggestion(path: KeyPath, schema: type[BaseModel]) -> str:
+def _suggestion(path: KeyPath, section: type[BaseModel]) -> str:
     """Return a hint at the known key that is most similar to an unknown one."""
-    known = list(_section(path, schema).model_fields)
-    near = difflib.get_close_matches(str(path[-1]), known, n=1, cutoff=0.5)
-    return f", did you mean {near[0]}?" if near else f", expected one of {', '.join(known)}"
+    near = difflib.get_close_matches(str(path[-1]), section.model_fields, n=1, cutoff=0.5)
+    return f", did you mean {near[0]}?" if near else f", expected one of {', '.join(section.model_fields)}"
 
 
 def to_toml(data: Mapping[str, object]) -> str:

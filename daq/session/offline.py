@@ -17,7 +17,6 @@ from analysis.spectra.order_map import order_vectors
 from analysis.vectors.runout import RunOutEstimator
 from daq.config.rig import Rig
 from daq.config.schema import RunOutSection, RunOutVector
-from daq.config.toml_files import to_toml
 from daq.errors import UsageError
 from recordings.catalogue.catalogue import SUFFIX
 from recordings.errors import RecordingError
@@ -153,8 +152,7 @@ def with_reference_runout(rig: Rig, folder: Path) -> Rig:
         raise UsageError(f"runout.from_run: {path.stem} holds no order spectrum up to {section.slow_roll_rpm:g} r/min")
     vectors = tuple(_vector(order, found) for order in range(1, len(found.vectors) + 1))
     with_vectors = RunOutSection(correct_orbit=section.correct_orbit, vector=vectors, source=source)
-    config = rig.config.model_copy(update={"runout": with_vectors})
-    return replace(rig, config=config, toml=to_toml(config.model_dump(mode="json", exclude_none=True)))
+    return replace(rig, config=rig.config.model_copy(update={"runout": with_vectors}))
 
 
 def _slow_roll(reader: RunReader, speed: float) -> RunOut | None:

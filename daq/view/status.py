@@ -88,7 +88,7 @@ def replace_unprintable(text: str) -> str:
 
 def details(update: LiveUpdate) -> str:
     """Return the details page of a live update, Markdown."""
-    lines = [f"# {_below_synchronous(update)}", "", "| | x | y |", "|---|---|---|"]
+    lines = [f"### {_below_synchronous(update)}", "", "| | x | y |", "|---|---|---|"]
     if update.snapshot is not None:
         lines += _shaft(update, update.snapshot)
     lines += ["", *_system(update)]
@@ -157,7 +157,7 @@ def _row(name: str, values: list[str]) -> str:
 
 def _system(update: LiveUpdate) -> list[str]:
     status = update.status
-    lines = [f"## {status.state.value} · {update.header.run}"]
+    lines = [f"**{status.state.value}** · {update.header.run}", ""]
     if status.detail:
         lines.append(f"**{status.detail}**")
     lines.append(

@@ -60,7 +60,7 @@ def rig_of_run(header: RunHeader) -> Rig:
         raise ConfigError(name, ["was imported: expected a recorded run, or the rig as TOML"])
     channels = header.acquisition.channels
     calibrations = {channel.name: channel.calibration for channel in channels if channel.calibration is not None}
-    return Rig(Path(name), read_recorded_config(header.config_toml, name), calibrations, header.config_toml)
+    return Rig(Path(name), read_recorded_config(header.config_toml, name), calibrations)
 
 
 def rig_from_toml(text: RigFromToml) -> Rig:

@@ -202,6 +202,6 @@ def test_earlier_run_with_other_probe_angles_or_tacho_is_refused(rig: RigFactory
         with_reference_runout(falling, tmp_path)
     turned = rig(runout=section)
     channels = tuple(c.model_copy(update={"angle_deg": c.angle_deg + 10.0}) for c in turned.config.channel)
-    turned = Rig(turned.path, turned.config.model_copy(update={"channel": channels}), turned.calibrations, turned.toml)
+    turned = Rig(turned.path, turned.config.model_copy(update={"channel": channels}), turned.calibrations)
     with pytest.raises(UsageError, match="probe x is at 45 degrees, expected 55"):
         with_reference_runout(turned, tmp_path)

@@ -48,7 +48,7 @@ def bench(
         tacho=TachoSection(counter=counter),
         simulation=SimulationSection(profile=tuple(ProfilePoint(time_s=time, speed_rpm=rpm) for time, rpm in profile)),
     )
-    return Rig(Path("rig.toml"), config, {"x": CALIBRATION, "y": CALIBRATION}, "")
+    return Rig(Path("rig.toml"), config, {"x": CALIBRATION, "y": CALIBRATION})
 
 
 def take(source: NiSource, blocks: int) -> list[SourceItem]:

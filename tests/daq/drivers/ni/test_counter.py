@@ -86,7 +86,7 @@ def test_counter_is_unwrapped_through_three_wraps_and_pauses_longer_than_one() -
     with serving(NiDriver(lambda: SimulatedCard(slow))) as server:
         rig = bench(server.target, counter=COUNTER, rate=500.0, profile=corners)
         config = rig.config.model_copy(update={"timing": rig.config.timing.model_copy(update={"block_s": 0.8})})
-        source = open_ni_source(type(rig)(rig.path, config, rig.calibrations, rig.toml))
+        source = open_ni_source(type(rig)(rig.path, config, rig.calibrations))
         items = take(source, 290)
         source.close()
     ticks = ticks_of(items)

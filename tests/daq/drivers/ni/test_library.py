@@ -33,7 +33,7 @@ config = RigConfig.model_validate({
     "channel": [{"name": n, "role": r, "physical": f"ai{k}"} for k, (n, r) in enumerate(inputs)],
 })
 calibration = Calibration((0.0, 1e-4), 0.0, 10.0)
-source = open_ni_source(Rig(Path("rig.toml"), config, {"x": calibration, "y": calibration}, ""))
+source = open_ni_source(Rig(Path("rig.toml"), config, {"x": calibration, "y": calibration}))
 items = []
 for item in source.blocks():
     items.append(item)
