@@ -32,7 +32,7 @@ from daq.session.processes import WorkerPool, WorkerStoppedError, WorkerTimeoutE
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import RunEntry
-from recordings.catalogue.incoming_run import require_sound
+from recordings.catalogue.incoming_run import require_intact
 from recordings.errors import DamagedError, ForeignFormatError, UnknownFormatError
 from recordings.exchange.formats import read_table
 
@@ -109,10 +109,10 @@ class ResultsReader:
         except ForeignFormatError as error:
             raise ProblemError(ProblemType.UNREADABLE_UPLOAD, str(error).replace(str(path), name)) from error
 
-    def require_sound(self, temporary: Path) -> None:
+    def require_intact(self, temporary: Path) -> None:
         """Raise ProblemError if an uploaded file is not a complete recording."""
         try:
-            self._run_in_worker(require_sound, temporary, time_limit=VERIFICATION_TIME_LIMIT)
+            self._run_in_worker(require_intact, temporary, time_limit=VERIFICATION_TIME_LIMIT)
         except (DamagedError, UnknownFormatError) as error:
             raise ProblemError(
                 ProblemType.INVALID_RECORDING, str(error).replace(str(temporary), "the content")

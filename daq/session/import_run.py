@@ -16,9 +16,9 @@ from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
 from daq.session.offline import with_reference_runout
 from recordings.catalogue.catalogue import Catalogue
-from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.exchange.formats import read_table
 from recordings.exchange.table import LENGTH_UNITS, ImportedChannel, imported_channel, imported_items
+from recordings.file_operations import move_without_overwriting
 from recordings.mcap.layout import IMPORTED_RECORD
 from recordings.mcap.writer import write_run
 

@@ -16,21 +16,22 @@ from recordings.catalogue import trash
 from recordings.catalogue.database import Database
 from recordings.catalogue.entry import (
     ANNOTATIONS_SUFFIX,
+    UNREADABLE,
     CachedRun,
     IndexReport,
     RunEntry,
     RunFile,
     Summarise,
     compare,
-    is_current,
     load_annotations,
     store_annotations,
     validated_annotations,
-    verdict_of,
 )
 from recordings.catalogue.run_store import RunStore, Search, SummarisedRun
 from recordings.catalogue.trash import TrashedRun
 from recordings.errors import NotFoundError, RecordingError, StorageError
+from recordings.file_operations import storage_errors
+from recordings.integrity.verify import verify
 from recordings.mcap.layout import NANOSECONDS
 from recordings.mcap.reader import RunReader
 
@@ -165,7 +166,10 @@ class Catalogue:
         for run_id, stored in runs.items():
             if verify_files and not stored.entry.verdict:
                 on_status(f"verifying {run_id}")
-                self._store.store_verdict(run_id, verdict_of(stored.entry.path))
+                verdict = UNREADABLE
+                with suppress(RecordingError):
+                    verdict = verify(stored.entry.path).verdict.value
+                self._store.store_verdict(run_id, verdict)
         return report
 
     def store_verdict(self, run_id: str, verdict: str) -> None:
@@ -184,11 +188,9 @@ class Catalogue:
         """
         if RUN_ID.fullmatch(run_id):
             path = self.folder / f"{run_id}{SUFFIX}"
-            try:
+            with storage_errors(path, "cannot be read"):
                 if path.is_file():
                     return path
-            except OSError as error:
-                raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
         raise NotFoundError(f"run {run_id[:120]!r}: there is no such run in {self.folder}")
 
     def path_for(self, run_id: str) -> Path:
@@ -244,12 +246,8 @@ class Catalogue:
         StorageError
             If the folder cannot be created.
         """
-        try:
+        with storage_errors(self.folder, "the data folder cannot be created"):
             self.folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(
-                f"{self.folder}: the data folder cannot be created: {error.strerror or error}"
-            ) from error
         started = datetime.fromtimestamp(started_ns // NANOSECONDS, UTC).astimezone()
         name = re.sub(r"[^a-z0-9]+", "-", rig_name.lower()).strip("-")[:40].strip("-") or "rig"
         first = f"{started:%Y-%m-%dT%H-%M-%S}-{name}"
@@ -265,10 +263,8 @@ class Catalogue:
         folder = self.folder.absolute()
         while not folder.exists() and folder != folder.parent:
             folder = folder.parent
-        try:
+        with storage_errors(folder, "free space cannot be determined"):
             return shutil.disk_usage(folder).free
-        except OSError as error:
-            raise StorageError(f"{folder}: free space cannot be determined: {error.strerror or error}") from error
 
     def load_cached(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a cached result of a run; None if there is none for the file in its present state."""
@@ -286,12 +282,11 @@ class Catalogue:
 
     def _files(self) -> dict[str, RunFile]:
         """Return the run files of the folder by id."""
-        try:
-            names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand Path objects would cost as much as the rest
-        except FileNotFoundError:
-            return {}
-        except OSError as error:
-            raise StorageError(f"{self.folder}: the data folder cannot be read: {error.strerror or error}") from error
+        with storage_errors(self.folder, "the data folder cannot be read"):
+            try:
+                names = os.listdir(self.folder)  # noqa: PTH208 - ten thousand Path objects would cost as much as the rest
+            except FileNotFoundError:
+                return {}
         stems = (name.removesuffix(SUFFIX) for name in names if name.endswith(SUFFIX))
         annotated = {name.removesuffix(ANNOTATIONS_SUFFIX) for name in names if name.endswith(ANNOTATIONS_SUFFIX)}
         paths = (self.folder / f"{stem}{SUFFIX}" for stem in stems if RUN_ID.fullmatch(stem))
@@ -324,7 +319,9 @@ class Catalogue:
     ) -> dict[str, CachedRun]:
         """Return entries that are not in memory, and store in the database what had to be read from files."""
         stored = self._store.entries(run_id=only or "")
-        unread = [run_id for run_id, file in missing.items() if not is_current(stored.get(run_id), file)]
+        unread = [
+            run_id for run_id, file in missing.items() if run_id not in stored or not stored[run_id].describes(file)
+        ]
         fresh = {run_id: CachedRun.from_file(files[run_id]) for run_id in unread}
         ended = [run_id for run_id in unread if not fresh[run_id].is_growing]
         annotated = [
@@ -343,7 +340,7 @@ class Catalogue:
         except StorageError:  # a full disk: nothing can be stored, but the files can still be read
             fresh |= {run_id: CachedRun.from_file(files[run_id]) for run_id in annotated if run_id not in fresh}
             stored = {run_id: run for run_id, run in stored.items() if run_id not in fresh}
-        found = {run_id: CachedRun.from_stored(stored[run_id]) for run_id in missing if run_id in stored}
+        found = {run_id: stored[run_id] for run_id in missing if run_id in stored}
         return found | {run_id: run for run_id, run in fresh.items() if run_id not in found or run.is_growing}
 
     def _summarise(self, entries: Iterable[RunEntry], summarise: Summarise, on_status: Callable[[str], object]) -> None:
@@ -356,7 +353,7 @@ class Catalogue:
                     continue
                 on_status(f"reading {entry.id}")
                 with suppress(RecordingError), RunReader(entry.path) as reader:
-                    summarised.append(SummarisedRun(entry, summarise(reader), reader.markers()))
+                    summarised.append((entry, summarise(reader), reader.markers()))
                 if time.monotonic() > written_at + WRITE_INTERVAL:
                     self._store.store_summaries(summarised)
                     summarised, written_at = [], time.monotonic()

@@ -5,9 +5,8 @@ import shutil
 import tempfile
 import weakref
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -189,37 +188,20 @@ class Database:
             _lock_writers(connection, self._lock_timeout)
             yield connection
 
-    def upsert(self, connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
-        """Insert rows, replacing those with the same key."""
-        if not rows:
-            return
-        # the two inserts have one interface; PostgreSQL's module takes 0.1 s to import
-        statement = import_module(f"sqlalchemy.dialects.{connection.dialect.name}").insert(table)
-        keys = [column.name for column in table.primary_key]
-        values = {name: statement.excluded[name] for name in rows[0] if name not in keys}
-        if values:
-            statement = statement.on_conflict_do_update(index_elements=keys, set_=values)
-        else:
-            statement = statement.on_conflict_do_nothing(index_elements=keys)
-        connection.execute(statement, rows)
-
     def _current_engine(self) -> Engine:
         with self._lock:
-            if self._engine is None or self._file_was_deleted(self._engine):
-                self._engine = self._open()
-            return self._engine
-
-    def _file_was_deleted(self, engine: Engine) -> bool:
-        """Return whether the engine's SQLite file in the data folder is gone."""
-        return engine.url.database == str(self._file) and not self._file.exists()
+            engine = self._engine
+            if engine is None or (engine.url.database == str(self._file) and not self._file.exists()):
+                engine = self._engine = self._open()
+            return engine
 
     def _open(self) -> Engine:
         if self._url:
-            return _with_tables(_engine(self._url, self._lock_timeout), self._lock_timeout)
+            return _opened(self._url, self._lock_timeout)
         for is_last_attempt in (False, True):
             try:
                 self._file.parent.mkdir(parents=True, exist_ok=True)
-                return _with_tables(_engine(f"sqlite:///{self._file}", self._lock_timeout), self._lock_timeout)
+                return _opened(f"sqlite:///{self._file}", self._lock_timeout)
             except OSError:
                 break
             except OperationalError as error:
@@ -232,7 +214,7 @@ class Database:
                         self._file.unlink()
         temporary = tempfile.mkdtemp(prefix="rig-catalogue-")
         weakref.finalize(self, shutil.rmtree, temporary, ignore_errors=True)
-        return _with_tables(_engine(f"sqlite:///{Path(temporary) / FILE}", self._lock_timeout), self._lock_timeout)
+        return _opened(f"sqlite:///{Path(temporary) / FILE}", self._lock_timeout)
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
@@ -246,8 +228,8 @@ class Database:
             raise StorageError(f"catalogue {self.name}: {reason[0] if reason else type(error).__name__}") from error
 
 
-def _engine(url: str, lock_timeout: float) -> Engine:
-    """Return an engine without a connection pool, so that processes can fork and files can be moved."""
+def _opened(url: str, lock_timeout: float) -> Engine:
+    """Return an engine whose tables exist; without a connection pool, so that processes can fork and files be moved."""
     address = make_url(url)
     is_sqlite = address.get_backend_name() == "sqlite"
     arguments: dict[str, float] = {"timeout": lock_timeout} if is_sqlite else {}
@@ -257,6 +239,13 @@ def _engine(url: str, lock_timeout: float) -> Engine:
     if is_sqlite:
         event.listen(engine, "connect", _disable_implicit_transactions)
         event.listen(engine, "begin", _begin)
+    with engine.begin() as connection:
+        _lock_writers(connection, lock_timeout)
+        SCHEMA.create(connection, checkfirst=True)
+        if VERSION not in connection.execute(select(SCHEMA.c.version)).scalars().all():
+            METADATA.drop_all(connection)  # missing, or of another version
+            METADATA.create_all(connection)
+            connection.execute(SCHEMA.insert(), [{"version": VERSION}])
     return engine
 
 
@@ -278,16 +267,3 @@ def _lock_writers(connection: Connection, lock_timeout: float) -> None:
         timeout = f"{round(lock_timeout * 1000)}ms"
         connection.execute(text("SELECT set_config('lock_timeout', :timeout, true)"), {"timeout": timeout})
         connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": WRITER_LOCK})
-
-
-def _with_tables(engine: Engine, lock_timeout: float) -> Engine:
-    """Create the tables if they are missing or of another version."""
-    with engine.begin() as connection:
-        _lock_writers(connection, lock_timeout)
-        SCHEMA.create(connection, checkfirst=True)
-        versions: Mapping[Any, Any] = {version: True for (version,) in connection.execute(select(SCHEMA.c.version))}
-        if VERSION not in versions:
-            METADATA.drop_all(connection)
-            METADATA.create_all(connection)
-            connection.execute(SCHEMA.insert(), [{"version": VERSION}])
-    return engine

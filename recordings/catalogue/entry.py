@@ -17,11 +17,10 @@ from analysis.live.summary import RunSummary
 from analysis.signals.header import Acquisition, RunHeader
 from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import NUMBER
-from recordings.errors import AnnotationError, RecordingError, StorageError
-from recordings.file_operations import atomic_write
-from recordings.integrity.verify import verify
+from recordings.errors import AnnotationError, RecordingError
+from recordings.file_operations import atomic_write, storage_errors
 from recordings.mcap.container import has_end_magic
-from recordings.mcap.header import calibration_to_json
+from recordings.mcap.header import to_json
 from recordings.mcap.layout import NANOSECONDS
 from recordings.mcap.reader import RunReader
 
@@ -70,24 +69,19 @@ def load_annotations(run: Path) -> Annotations:
         content = json.loads(annotations_path(run).read_text(encoding="utf-8"))
     except (OSError, ValueError):  # no such file, or neither UTF-8 nor JSON
         return Annotations()
-    remark, tags = (content.get("remark"), content.get("tags")) if isinstance(content, Mapping) else (None, None)
-    if not (isinstance(remark, str) and isinstance(tags, list) and all(isinstance(tag, str) for tag in tags)):
-        return Annotations()
-    try:
-        return validated_annotations(remark, tuple(tags))
-    except AnnotationError:
-        return Annotations()
+    match content:
+        case {"remark": str(remark), "tags": [*tags]} if all(isinstance(tag, str) for tag in tags):
+            with suppress(AnnotationError):
+                return validated_annotations(remark, tuple(tags))
+    return Annotations()
 
 
 def store_annotations(run: Path, annotations: Annotations) -> None:
     """Replace the annotations of a run, atomically; StorageError if that fails."""
     path = annotations_path(run)
     content = {"format": ANNOTATIONS_FORMAT, "remark": annotations.remark, "tags": list(annotations.tags)}
-    try:
-        with atomic_write(path) as temporary:
-            temporary.write_text(json.dumps(content, ensure_ascii=False, indent=1), encoding="utf-8")
-    except OSError as error:
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+    with storage_errors(path), atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(content, ensure_ascii=False, indent=1), encoding="utf-8")
 
 
 NOT_FINISHED = "not finished: it is still being written, or its writer was killed"
@@ -200,33 +194,11 @@ def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
 def calibration_identity(acquisition: Acquisition) -> str:
     """Return a hash of the probes' calibrations, 16 hexadecimal digits: equal for equal calibrations only."""
     calibrations = {
-        channel.name: calibration_to_json(channel.calibration)
+        channel.name: to_json(channel.calibration)
         for channel in acquisition.channels
         if channel.calibration is not None
     }
     return hashlib.sha256(json.dumps(calibrations, sort_keys=True).encode()).hexdigest()[:16]
-
-
-@dataclass(frozen=True, slots=True)
-class StoredRun:
-    """An entry as read from the database.
-
-    Parameters
-    ----------
-    entry : RunEntry
-        The entry.
-    remarked_ns : int
-        Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
-    is_summarised : bool
-        Whether the summary is stored too.
-    revision : int
-        Revision of the folder's rows when the entry was read.
-    """
-
-    entry: RunEntry
-    remarked_ns: int
-    is_summarised: bool
-    revision: int
 
 
 Summarise = Callable[[RunReader], RunSummary]
@@ -248,30 +220,9 @@ class IndexReport:
     unchanged: Annotated[int, NUMBER.of("Number of files that have not changed")]
 
 
-def compare(before: Mapping[str, StoredRun], present: Mapping[str, RunEntry]) -> IndexReport:
-    """Return how the present runs differ from the catalogue's earlier state."""
-    known = {run_id: (stored.entry.size, stored.entry.changed_ns) for run_id, stored in before.items()}
-    changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.changed_ns)]
-    return IndexReport(
-        new=tuple(sorted(run_id for run_id in changed if run_id not in known)),
-        changed=tuple(sorted(run_id for run_id in changed if run_id in known)),
-        missing=tuple(sorted(known.keys() - present.keys())),
-        damaged=tuple(sorted(run_id for run_id, entry in present.items() if entry.fault)),
-        unchanged=len(present) - len(changed),
-    )
-
-
-def verdict_of(path: Path) -> str:
-    """Return the `Verdict` on a file, or "unreadable"."""
-    try:
-        return verify(path).verdict.value
-    except RecordingError:
-        return UNREADABLE
-
-
 @dataclass(frozen=True, slots=True)
 class CachedRun:
-    """An entry in memory, and how long it is valid.
+    """An entry read from the database or a file, and how long it is valid.
 
     Parameters
     ----------
@@ -281,6 +232,8 @@ class CachedRun:
         Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
     revision : int
         Revision of the folder's rows when it was read; -1 if it was read from the file itself.
+    is_summarised : bool
+        Whether the summary is stored too.
     next_read_at : float
         Monotonic time before which a file that is being written is not read again, s.
     """
@@ -288,12 +241,8 @@ class CachedRun:
     entry: RunEntry
     remarked_ns: int
     revision: int
+    is_summarised: bool = False
     next_read_at: float = 0.0
-
-    @classmethod
-    def from_stored(cls, stored: StoredRun) -> Self:
-        """Return the entry from the database's rows."""
-        return cls(stored.entry, stored.remarked_ns, stored.revision)
 
     @classmethod
     def from_file(cls, file: RunFile) -> Self:
@@ -302,8 +251,12 @@ class CachedRun:
         entry = read_entry(file.path, file.size, file.changed_ns)
         added = load_annotations(file.path) if file.remarked_ns else Annotations()
         ended = time.monotonic()
-        next_read_at = ended + READ_INTERVAL_FACTOR * (ended - started)
-        return cls(replace(entry, remark=added.remark, tags=added.tags), file.remarked_ns, -1, next_read_at)
+        return cls(
+            replace(entry, remark=added.remark, tags=added.tags),
+            file.remarked_ns,
+            revision=-1,
+            next_read_at=ended + READ_INTERVAL_FACTOR * (ended - started),
+        )
 
     @property
     def is_growing(self) -> bool:
@@ -322,9 +275,21 @@ class CachedRun:
         has_grown = not entry.is_complete and entry.header is not None and file.size >= entry.size
         return has_grown and time.monotonic() < self.next_read_at and not has_end_magic(file.path)
 
+    def describes(self, file: RunFile) -> bool:
+        """Return whether the entry from the database describes the file in its present state."""
+        entry = self.entry
+        is_same = (entry.size, entry.changed_ns) == (file.size, file.changed_ns)
+        return is_same and (entry.header is not None or entry.fault != "")
 
-def is_current(stored: StoredRun | None, file: RunFile) -> bool:
-    """Return whether the stored entry describes the file in its present state."""
-    if stored is None or (stored.entry.size, stored.entry.changed_ns) != (file.size, file.changed_ns):
-        return False
-    return stored.entry.header is not None or stored.entry.fault != ""
+
+def compare(before: Mapping[str, CachedRun], present: Mapping[str, RunEntry]) -> IndexReport:
+    """Return how the present runs differ from the catalogue's earlier state."""
+    known = {run_id: (stored.entry.size, stored.entry.changed_ns) for run_id, stored in before.items()}
+    changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.changed_ns)]
+    return IndexReport(
+        new=tuple(sorted(run_id for run_id in changed if run_id not in known)),
+        changed=tuple(sorted(run_id for run_id in changed if run_id in known)),
+        missing=tuple(sorted(known.keys() - present.keys())),
+        damaged=tuple(sorted(run_id for run_id, entry in present.items() if entry.fault)),
+        unchanged=len(present) - len(changed),
+    )

@@ -5,8 +5,8 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from recordings.errors import DamagedError, RunExistsError, StorageError
-from recordings.file_operations import replace_with_retry
+from recordings.errors import DamagedError
+from recordings.file_operations import move_without_overwriting, run_exists_error, storage_errors
 from recordings.integrity.verify import verify
 
 
@@ -29,30 +29,24 @@ class IncomingRun:
     def __init__(self, path: Path) -> None:
         self._path = path
         if path.exists():
-            raise _exists(path)
-        try:
+            raise run_exists_error(path)
+        with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=".part")
-        except OSError as error:
-            raise _not_written(path, error) from error
         self.temporary = Path(name)
         self._file = os.fdopen(handle, "wb")
 
     def write(self, data: bytes) -> None:
         """Append data; StorageError if the disk is full or fails."""
-        try:
+        with storage_errors(self._path):
             self._file.write(data)
-        except OSError as error:
-            raise _not_written(self._path, error) from error
 
     def close(self) -> None:
         """Flush the data to the disk and close the file; StorageError if the disk is full or fails."""
-        try:
+        with storage_errors(self._path):
             self._file.flush()
             os.fsync(self._file.fileno())
             self._file.close()
-        except OSError as error:
-            raise _not_written(self._path, error) from error
 
     def commit(self) -> None:
         """Move the file to the run's path, never over another file; RunExistsError, StorageError."""
@@ -66,31 +60,8 @@ class IncomingRun:
             self.temporary.unlink(missing_ok=True)
 
 
-def move_without_overwriting(source: Path, target: Path) -> None:
-    """Move a finished file into the data folder, never over another file; RunExistsError, StorageError."""
-    try:
-        target.open("xb").close()  # reserves the name, so that no other process can take it
-    except FileExistsError as error:
-        raise _exists(target) from error
-    except OSError as error:
-        raise _not_written(target, error) from error
-    try:
-        replace_with_retry(source, target)
-    except OSError as error:
-        target.unlink(missing_ok=True)
-        raise _not_written(target, error) from error
-
-
-def require_sound(path: Path) -> None:
+def require_intact(path: Path) -> None:
     """Raise DamagedError with all faults if a file is not a complete, intact recording."""
     faults = verify(path).faults
     if faults:
         raise DamagedError("not an intact recording: " + "; ".join(f"{fault.where}: {fault.what}" for fault in faults))
-
-
-def _exists(path: Path) -> RunExistsError:
-    return RunExistsError(f"{path.name}: a run of this name exists already")
-
-
-def _not_written(path: Path, error: OSError) -> StorageError:
-    return StorageError(f"{path}: cannot be written: {error.strerror or error}")

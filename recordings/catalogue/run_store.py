@@ -3,22 +3,36 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import operator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import ColumnElement, Connection, RowMapping, and_, delete, exists, or_, select, update
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    RowMapping,
+    Table,
+    and_,
+    delete,
+    exists,
+    insert,
+    or_,
+    select,
+    update,
+)
 
 from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import MICROMETRE, RPM
 from recordings.catalogue.database import CACHED, FINDING, MARKER, REVISION, RUN, SETUP, TAG, Database
-from recordings.catalogue.entry import Annotations, RunEntry, StoredRun
+from recordings.catalogue.entry import Annotations, CachedRun, RunEntry
 from recordings.errors import DamagedError
-from recordings.mcap.header import header_from_json, header_to_json
+from recordings.mcap.header import header_from_json, to_json
 from recordings.mcap.results import Marker
 
 
@@ -68,93 +82,43 @@ class Search:
 
 def search_condition(search: Search) -> ColumnElement[bool]:
     """Return the criteria as an SQL condition on a row of the run table."""
-    terms: list[ColumnElement[bool]] = [RUN.c.id == RUN.c.id]
-    if search.started_from_ns is not None:
-        terms.append(RUN.c.started_ns >= search.started_from_ns)
-    if search.started_before_ns is not None:
-        terms.append(RUN.c.started_ns < search.started_before_ns)
-    if search.speed_low is not None:
-        terms.append(RUN.c.highest_speed_rpm >= search.speed_low / RPM)
-    if search.speed_high is not None:
-        terms.append(RUN.c.lowest_speed_rpm <= search.speed_high / RPM)
+    comparisons = (
+        (RUN.c.started_ns, operator.ge, search.started_from_ns),
+        (RUN.c.started_ns, operator.lt, search.started_before_ns),
+        (RUN.c.highest_speed_rpm, operator.ge, _rpm(search.speed_low)),
+        (RUN.c.lowest_speed_rpm, operator.le, _rpm(search.speed_high)),
+        (RUN.c.is_complete, operator.eq, search.is_complete),
+        (RUN.c.rig, operator.eq, search.rig or None),
+        (RUN.c.serial, operator.eq, search.serial or None),
+    )
+    terms = [compare(column, value) for column, compare, value in comparisons if value is not None]
     terms += [term for name, low, high in search.overall for term in _overall_terms(name, low, high)]
-    if search.is_complete is not None:
-        terms.append(RUN.c.is_complete == search.is_complete)
-    terms += [column == name for column, name in ((RUN.c.rig, search.rig), (RUN.c.serial, search.serial)) if name]
-    if search.calibration:
-        terms.append(RUN.c.calibration.startswith(search.calibration, autoescape=True))
+    terms.append(RUN.c.calibration.startswith(search.calibration, autoescape=True))
     text_columns = (RUN.c.id, RUN.c.rig, RUN.c.note, RUN.c.remark)
     for word in search.text.split():
-        in_markers = exists().where(
-            MARKER.c.folder == RUN.c.folder, MARKER.c.id == RUN.c.id, MARKER.c.text.icontains(word, autoescape=True)
-        )
+        in_markers = _has_row(MARKER, MARKER.c.text.icontains(word, autoescape=True))
         terms.append(or_(in_markers, *(column.icontains(word, autoescape=True) for column in text_columns)))
-    terms += [
-        exists().where(TAG.c.folder == RUN.c.folder, TAG.c.id == RUN.c.id, TAG.c.tag == tag) for tag in search.tags
-    ]
+    terms += [_has_row(TAG, TAG.c.tag == tag) for tag in search.tags]
     if search.onset_below is not None:
-        onset = FINDING.c.onset_rpm < search.onset_below / RPM
-        terms.append(exists().where(FINDING.c.folder == RUN.c.folder, FINDING.c.id == RUN.c.id, onset))
+        terms.append(_has_row(FINDING, FINDING.c.onset_rpm < _rpm(search.onset_below)))
     return and_(*terms)
+
+
+def _rpm(speed: float | None) -> float | None:
+    return None if speed is None else speed / RPM
+
+
+def _has_row(table: Table, condition: ColumnElement[bool]) -> ColumnElement[bool]:
+    """Return whether another table has a row of the run that meets a condition."""
+    return exists().where(table.c.folder == RUN.c.folder, table.c.id == RUN.c.id, condition)
 
 
 PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
 """Header keys that differ from run to run; the rest is stored once for all runs that share it."""
 
 
-@dataclass(frozen=True, slots=True)
-class SummarisedRun:
-    """A run with its summary and markers, as rows of the search tables.
-
-    Parameters
-    ----------
-    entry : RunEntry
-        The run, with the state of its file when it was read.
-    summary : RunSummary
-        Its summary.
-    markers : tuple of Marker
-        Its markers.
-    """
-
-    entry: RunEntry
-    summary: RunSummary
-    markers: tuple[Marker, ...]
-
-    def columns(self) -> dict[str, Any]:
-        """Return the summary columns of the run's own row."""
-        summary = self.summary
-        return {
-            "is_summarised": True,
-            "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
-            "highest_speed_rpm": _finite(summary.highest_speed / RPM),
-            **{
-                row.full_name: _finite(row.shown(value))
-                for row, value in zip(LARGEST_OVERALL.rows, summary.largest, strict=True)
-            },
-            "severity": summary.severity.value,
-        }
-
-    def finding_rows(self) -> list[dict[str, Any]]:
-        """Return one row for each sub-synchronous component."""
-        return [
-            {
-                "number": number,
-                "order": whirl.order,
-                "is_forward": whirl.is_forward,
-                "onset_rpm": whirl.onset.speed / RPM,
-                "end_rpm": whirl.end.speed / RPM,
-                "largest_peak_um": whirl.amplitude / MICROMETRE,
-            }
-            for number, whirl in enumerate(self.summary.whirls)
-            if math.isfinite(whirl.onset.speed) and math.isfinite(whirl.end.speed)
-        ]
-
-    def marker_rows(self) -> list[dict[str, Any]]:
-        """Return one row for each marker."""
-        return [
-            {"number": number, "segment": marker.segment, "sample": marker.sample, "text": marker.text}
-            for number, marker in enumerate(self.markers)
-        ]
+SummarisedRun = tuple[RunEntry, RunSummary, tuple[Marker, ...]]
+"""A run, with the state of its file when it was read, its summary and its markers."""
 
 
 class RunStore:
@@ -179,7 +143,7 @@ class RunStore:
         with self._database.reading() as connection:
             return self._revision(connection)
 
-    def entries(self, search: Search | None = None, run_id: str = "") -> dict[str, StoredRun]:
+    def entries(self, search: Search | None = None, run_id: str = "") -> dict[str, CachedRun]:
         """Return the stored runs by id, newest first: all, those that match a search, or the one of an id."""
         is_wanted = RUN.c.folder == self._name
         if search is not None:
@@ -193,9 +157,7 @@ class RunStore:
             self._load_setups(connection, {row["setup"] for row in rows} - {None})
             tags = self._tags(connection, run_id)
         return {
-            row["id"]: StoredRun(
-                self._entry(row, tags.get(row["id"], ())), row["remarked_ns"], row["is_summarised"], revision
-            )
+            row["id"]: CachedRun(self._entry(row, tags[row["id"]]), row["remarked_ns"], revision, row["is_summarised"])
             for row in rows
         }
 
@@ -207,24 +169,23 @@ class RunStore:
         for entry in entries:
             setup = None
             if entry.header is not None:
-                shared = json.dumps(header_to_json(entry.header) | PER_RUN_KEYS, sort_keys=True)
+                shared = json.dumps(to_json(entry.header) | PER_RUN_KEYS, sort_keys=True)
                 setup = hashlib.sha256(shared.encode()).hexdigest()
                 setups[setup] = shared
             rows.append(self._row(entry, setup))
         with self._writing() as connection:
-            self._database.upsert(connection, SETUP, [{"id": key, "document": text} for key, text in setups.items()])
             for entry in entries:  # deletes findings and tags with the row
                 connection.execute(delete(RUN).where(self._is(RUN, entry.id)))
-            self._database.upsert(connection, RUN, rows)
+            _insert(connection, RUN, rows)
+            known = set(connection.execute(select(SETUP.c.id)).scalars())
+            _insert(connection, SETUP, [{"id": key, "document": setups[key]} for key in setups.keys() - known])
 
     def annotate(self, run_id: str, annotations: Annotations, changed_ns: int) -> None:
         """Store the annotations of a run, with the modification time of their file, ns since 1970."""
         with self._writing() as connection:
             values = {"remark": annotations.remark, "remarked_ns": changed_ns}
             if connection.execute(update(RUN).where(self._is(RUN, run_id)).values(values)).rowcount:
-                connection.execute(delete(TAG).where(self._is(TAG, run_id)))
-                rows = [{"folder": self._name, "id": run_id, "tag": tag} for tag in annotations.tags]
-                self._database.upsert(connection, TAG, rows)
+                self._replace(connection, TAG, run_id, [{"tag": tag} for tag in annotations.tags])
 
     @contextmanager
     def writer_lock(self) -> Iterator[None]:
@@ -237,16 +198,42 @@ class RunStore:
         with self._writing() as connection:
             connection.execute(update(RUN).where(self._is(RUN, run_id)).values(verdict=verdict))
 
-    def store_summaries(self, runs: Iterable[SummarisedRun]) -> None:
+    def store_summaries(self, runs: Sequence[SummarisedRun]) -> None:
         """Store summaries and markers of runs; a run whose file has changed since it was read is left out."""
+        if not runs:
+            return
         with self._writing() as connection:
-            for run in runs:
-                entry, key = run.entry, {"folder": self._name, "id": run.entry.id}
-                same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
-                if connection.execute(update(RUN).where(same).values(run.columns())).rowcount:
-                    for table, rows in ((FINDING, run.finding_rows()), (MARKER, run.marker_rows())):
-                        connection.execute(delete(table).where(self._is(table, entry.id)))
-                        self._database.upsert(connection, table, [key | row for row in rows])
+            for entry, summary, markers in runs:
+                columns = {
+                    "is_summarised": True,
+                    "lowest_speed_rpm": _finite(summary.lowest_speed / RPM),
+                    "highest_speed_rpm": _finite(summary.highest_speed / RPM),
+                    **{
+                        row.full_name: _finite(row.shown(value))
+                        for row, value in zip(LARGEST_OVERALL.rows, summary.largest, strict=True)
+                    },
+                    "severity": summary.severity.value,
+                }
+                findings = [
+                    {
+                        "number": number,
+                        "order": whirl.order,
+                        "is_forward": whirl.is_forward,
+                        "onset_rpm": whirl.onset.speed / RPM,
+                        "end_rpm": whirl.end.speed / RPM,
+                        "largest_peak_um": whirl.amplitude / MICROMETRE,
+                    }
+                    for number, whirl in enumerate(summary.whirls)
+                    if math.isfinite(whirl.onset.speed) and math.isfinite(whirl.end.speed)
+                ]
+                notes = [
+                    {"number": number, "segment": marker.segment, "sample": marker.sample, "text": marker.text}
+                    for number, marker in enumerate(markers)
+                ]
+                is_same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
+                if connection.execute(update(RUN).where(is_same).values(columns)).rowcount:
+                    self._replace(connection, FINDING, entry.id, findings)
+                    self._replace(connection, MARKER, entry.id, notes)
 
     def delete_runs(self, run_ids: list[str]) -> None:
         """Delete all rows of runs whose files are gone."""
@@ -268,23 +255,31 @@ class RunStore:
 
     def store_cached(self, run_id: str, name: str, size: int, changed_ns: int, result: Mapping[str, Any]) -> None:
         """Cache a result computed from the file of this size and modification time."""
-        row = {"folder": self._name, "id": run_id, "name": name, "size": size, "changed_ns": changed_ns}
+        row = {"name": name, "size": size, "changed_ns": changed_ns, "document": json.dumps(result)}
         with self._database.writing() as connection:  # no part of an entry, so the revision stays
-            self._database.upsert(connection, CACHED, [row | {"document": json.dumps(result)}])
+            self._replace(connection, CACHED, run_id, [row], CACHED.c.name == name)
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
         """Yield a writing connection that increments the revision."""
         with self._database.writing() as connection:
             number = self._revision(connection) + 1
-            self._database.upsert(connection, REVISION, [{"folder": self._name, "number": number}])
+            connection.execute(delete(REVISION).where(REVISION.c.folder == self._name))
+            _insert(connection, REVISION, [{"folder": self._name, "number": number}])
             yield connection
 
     def _revision(self, connection: Connection) -> int:
         number = connection.execute(select(REVISION.c.number).where(REVISION.c.folder == self._name)).scalar()
         return 0 if number is None else number
 
-    def _is(self, table: Any, run_id: str) -> ColumnElement[bool]:
+    def _replace(
+        self, connection: Connection, table: Table, run_id: str, rows: list[dict[str, Any]], *where: ColumnElement[bool]
+    ) -> None:
+        """Replace the rows of a run in a table."""
+        connection.execute(delete(table).where(self._is(table, run_id), *where))
+        _insert(connection, table, [{"folder": self._name, "id": run_id} | row for row in rows])
+
+    def _is(self, table: Table, run_id: str) -> ColumnElement[bool]:
         return and_(table.c.folder == self._name, table.c.id == run_id)
 
     def _row(self, entry: RunEntry, setup: str | None) -> dict[str, Any]:
@@ -334,20 +329,17 @@ class RunStore:
     def _load_setups(self, connection: Connection, keys: set[str]) -> None:
         """Load the shared header parts of these keys into memory."""
         missing = keys - self._setups.keys()
-        if not missing:
-            return
-        for key, text in connection.execute(select(SETUP.c.id, SETUP.c.document)):
+        rows = connection.execute(select(SETUP.c.id, SETUP.c.document)) if missing else ()
+        for key, text in rows:
             if key in missing:
-                try:
+                with suppress(DamagedError, json.JSONDecodeError):  # its runs are read from their files again
                     self._setups[key] = header_from_json(json.loads(text))
-                except (DamagedError, json.JSONDecodeError):  # its runs are read from their files again
-                    continue
 
     def _tags(self, connection: Connection, run_id: str) -> dict[str, tuple[str, ...]]:
         is_wanted = self._is(TAG, run_id) if run_id else TAG.c.folder == self._name
-        tags: dict[str, tuple[str, ...]] = {}
+        tags: dict[str, tuple[str, ...]] = defaultdict(tuple)
         for tagged_id, tag in connection.execute(select(TAG.c.id, TAG.c.tag).where(is_wanted).order_by(TAG.c.tag)):
-            tags[tagged_id] = (*tags.get(tagged_id, ()), tag)
+            tags[tagged_id] += (tag,)
         return tags
 
 
@@ -363,6 +355,11 @@ def _largest(row: Mapping[str, Any] | RowMapping) -> tuple[float, ...]:
     """Return the largest overall vibration by the measures `OVERALL`, NaN where unknown."""
     values = [(measure, row[measure.full_name]) for measure in LARGEST_OVERALL.rows]
     return tuple(math.nan if value is None else value * measure.scale for measure, value in values)
+
+
+def _insert(connection: Connection, table: Table, rows: list[dict[str, Any]]) -> None:
+    if rows:
+        connection.execute(insert(table), rows)
 
 
 def _finite(value: float) -> float | None:

@@ -6,9 +6,8 @@ from itertools import count
 from pathlib import Path
 
 from recordings.catalogue.entry import annotations_path
-from recordings.catalogue.incoming_run import move_without_overwriting
-from recordings.errors import NotFoundError, StorageError
-from recordings.file_operations import replace_with_retry
+from recordings.errors import NotFoundError
+from recordings.file_operations import move_without_overwriting, replace_with_retry, storage_errors
 
 FOLDER = "trash"
 
@@ -35,30 +34,26 @@ def move_to_trash(run: Path) -> Path:
     Raises NotFoundError if the file is gone, StorageError if it cannot be moved.
     """
     folder = run.parent / FOLDER
-    try:
+    with storage_errors(run, f"cannot be moved to {folder}"):
         folder.mkdir(exist_ok=True)
         target = _reserved_path(folder, run)
         try:
             replace_with_retry(run, target)
-        except OSError:
+        except OSError as error:
             target.unlink()
+            if isinstance(error, FileNotFoundError):
+                raise NotFoundError(f"run {run.stem!r}: its file is gone") from error
             raise
         _move_annotations(run, target)
-    except FileNotFoundError as error:
-        raise NotFoundError(f"run {run.stem!r}: its file is gone") from error
-    except OSError as error:
-        raise StorageError(f"{run}: cannot be moved to {folder}: {error.strerror or error}") from error
     return target
 
 
 def list_trash(data_folder: Path, suffix: str) -> Iterator[TrashedRun]:
     """Yield the files with this suffix in the trash, sorted by name; StorageError if the trash cannot be read."""
-    try:
+    with storage_errors(data_folder / FOLDER, "cannot be read"):
         for path in sorted((data_folder / FOLDER).glob(f"*{suffix}")):
             if path.is_file():
                 yield TrashedRun(path.stem, path.stat().st_size)
-    except OSError as error:
-        raise StorageError(f"{data_folder / FOLDER}: cannot be read: {error.strerror or error}") from error
 
 
 def restore(data_folder: Path, name: str, target: Path) -> None:
@@ -84,10 +79,8 @@ def restore(data_folder: Path, name: str, target: Path) -> None:
     if name not in {run.name for run in list_trash(data_folder, target.suffix)}:
         raise NotFoundError(f"{name[:120]!r}: no run of this name in {file.parent}")
     move_without_overwriting(file, target)
-    try:
+    with storage_errors(target, f"its annotations stay in {file.parent}"):
         _move_annotations(file, target)
-    except OSError as error:
-        raise StorageError(f"{target}: its annotations stay in {file.parent}: {error.strerror or error}") from error
 
 
 def _reserved_path(folder: Path, run: Path) -> Path:

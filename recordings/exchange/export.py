@@ -13,7 +13,7 @@ from analysis.signals.units import LENGTH, MICROMETRE, RPM, phase_lag_degrees, r
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
 from recordings.file_operations import Progress, ignore_progress
-from recordings.mcap.header import calibration_to_json
+from recordings.mcap.header import to_json
 from recordings.mcap.layout import sample_time_ns
 from recordings.mcap.reader import RunReader
 
@@ -189,7 +189,7 @@ def _properties(reader: RunReader) -> dict[str, str]:
     for channel in header.acquisition.channels:
         properties[f"{channel.name}_angle_deg"] = repr(math.degrees(channel.angle))
         if channel.calibration is not None:
-            properties[f"{channel.name}_calibration"] = json.dumps(calibration_to_json(channel.calibration))
+            properties[f"{channel.name}_calibration"] = json.dumps(to_json(channel.calibration))
     return properties
 
 

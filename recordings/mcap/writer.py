@@ -16,7 +16,7 @@ from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import PPM
 from recordings.errors import StorageError
 from recordings.mcap.chunk_writer import AppendOnlyFile, ChunkWriter
-from recordings.mcap.header import calibration_to_json, header_to_json
+from recordings.mcap.header import to_json
 from recordings.mcap.layout import (
     CALIBRATION_RECORD,
     CHANNEL_IDS,
@@ -220,10 +220,10 @@ class RunWriter:
     def _begin(self) -> None:
         header = self._header
         channels = header.acquisition.channels
-        self._mcap.add_metadata(RUN_RECORD, encode_metadata(header_to_json(header)))
+        self._mcap.add_metadata(RUN_RECORD, encode_metadata(to_json(header)))
         self._mcap.add_metadata(
             CALIBRATION_RECORD,
-            {c.name: json.dumps(calibration_to_json(c.calibration)) for c in channels if c.calibration is not None},
+            {c.name: json.dumps(to_json(c.calibration)) for c in channels if c.calibration is not None},
         )
         self._mcap.add_attachment(CONFIG_ATTACHMENT, "application/toml", header.started_ns, header.config_toml.encode())
         definitions, names = message_definitions(), ",".join(channel.name for channel in channels)
@@ -236,9 +236,7 @@ class RunWriter:
                 Channel(number, topic, MessageEncoding.Protobuf, channel_metadata.get(topic, {}), number),
                 Schema(number, definitions, SchemaEncoding.Protobuf, f"rig.{message}"),
             )
-        self._mcap.add_metadata(
-            RUN_RECORD, encode_metadata(header_to_json(header))
-        )  # again: without it nothing can be read
+        self._mcap.add_metadata(RUN_RECORD, encode_metadata(to_json(header)))  # again: without it nothing can be read
         self._file.commit()
 
     def _add(self, message: Message) -> None:

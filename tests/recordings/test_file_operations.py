@@ -1,6 +1,7 @@
 """Atomic writes: a file is complete or absent."""
 
 from pathlib import Path
+from typing import Self
 
 import pytest
 
@@ -29,12 +30,17 @@ def test_interrupted_write_leaves_no_file(interruption: type[BaseException], tmp
     assert not list(tmp_path.iterdir())
 
 
-class FileInUse:
+class FileInUse(type(Path())):  # type: ignore[misc]
     """A file that is in use during the first attempts, on a system that does not replace files in use."""
 
-    def __init__(self, attempts: int) -> None:
-        self.attempts = attempts
-        self.moved: list[Path] = []
+    attempts: int
+    moved: list[Path]
+
+    @classmethod
+    def after(cls, attempts: int) -> Self:
+        file = cls("temporary")
+        file.attempts, file.moved = attempts, []
+        return file
 
     def replace(self, target: Path) -> None:
         if self.attempts:
@@ -44,13 +50,13 @@ class FileInUse:
 
 
 def test_file_in_use_is_replaced_once_it_is_closed(tmp_path: Path) -> None:
-    file = FileInUse(2)
+    file = FileInUse.after(2)
     replace_with_retry(file, tmp_path / "map.npz")
     assert file.moved == [tmp_path / "map.npz"]
 
 
 def test_file_that_stays_in_use_is_an_error(tmp_path: Path) -> None:
-    file = FileInUse(100)
+    file = FileInUse.after(100)
     with pytest.raises(PermissionError, match="used by another process"):
         replace_with_retry(file, tmp_path / "map.npz")
     assert file.moved == []

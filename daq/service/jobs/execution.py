@@ -26,11 +26,11 @@ from daq.session.offline import summarise
 from daq.session.prediction_maps import load_or_compute, map_file
 from daq.session.predictor import Predictors
 from model.prediction.prediction_map import default_map_speeds
-from recordings.catalogue.incoming_run import move_without_overwriting
 from recordings.errors import ForeignFormatError, RunExistsError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table
 from recordings.exchange.formats import write_table
 from recordings.exchange.table import Table
+from recordings.file_operations import move_without_overwriting
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader

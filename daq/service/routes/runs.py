@@ -173,7 +173,7 @@ async def upload_run(state: State, request: Request, run: RunId, response: Respo
     An existing run is never overwritten, and nothing of a rejected recording is left.
     """
     path = state.catalogue.path_for(run)
-    await state.recording_receiver.receive(request, path, state.results.require_sound)
+    await state.recording_receiver.receive(request, path, state.results.require_intact)
     response.headers["Location"] = f"{API_PREFIX}/runs/{run}"
     return run_schema(await state.edits.run(state.catalogue.run, run))
 

@@ -99,8 +99,7 @@ class RecordedRun:
         rig: Rig = request.rig
         timing = rig.config.timing
         capacity = math.ceil(timing.rate_hz * timing.block_s) + 1
-        self._statistics_memory = RecorderStatistics.allocate()
-        self._statistics = RecorderStatistics(self._statistics_memory)
+        self._statistics = RecorderStatistics.allocate()
         self._ring = BlockRing.create(
             len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
         )
@@ -145,7 +144,7 @@ class RecordedRun:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
         here, there = context.Pipe()
         process = context.Process(
-            target=record, args=(self._request, self._ring.memory, self._statistics_memory, there), name="rig-recorder"
+            target=record, args=(self._request, self._ring.memory, self._statistics, there), name="rig-recorder"
         )
         with terminal_signals_blocked():
             process.start()
@@ -218,7 +217,7 @@ class RecordedRun:
             elapsed=statistics.samples / rate,
             samples=statistics.samples,
             lost=statistics.lost,
-            lost_is_exact=statistics.lost_is_exact,
+            lost_is_exact=not statistics.lost_is_lower_bound,
             backlog=statistics.backlog / rate,
             disk_left=left,
             skipped=self._reader.skipped,

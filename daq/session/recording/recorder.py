@@ -141,11 +141,11 @@ RESULTS_DEADLINE = 15.0  # s to wait for the last results after the acquisition,
 
 
 def record(
-    request: RecordingRequest, ring_memory: SharedBytes, statistics_memory: SharedBytes, pipe: Connection
+    request: RecordingRequest, ring_memory: SharedBytes, statistics: RecorderStatistics, pipe: Connection
 ) -> None:
     """Run the recorder; entry point of its process."""
     ignore_terminal_signals()  # the controlling process handles them
-    ring, statistics = BlockRing(ring_memory), RecorderStatistics(statistics_memory)
+    ring = BlockRing(ring_memory)
     with ExitStack() as stack:
         try:
             _require_disk_space(request)

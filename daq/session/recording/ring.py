@@ -6,47 +6,47 @@ behind finds its item overwritten, moves on to the oldest items left and counts 
 
 import json
 from collections.abc import Iterator
-from ctypes import Array, c_char
-from dataclasses import asdict
+from ctypes import Array, Structure, c_char, c_int64, sizeof
+from dataclasses import asdict, replace
 from multiprocessing import get_context
-from typing import TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import SampleBlock, SegmentEnd, SourceItem
+from recordings.mcap.reader import segment_end_from_json
 
 SharedBytes: TypeAlias = "Array[c_char]"
 """Shared memory; a process can only get it as an argument when it is started."""
 
-
-def allocate_shared_bytes(size: int) -> SharedBytes:
-    """Return `size` zeroed bytes of shared memory, aligned to words."""
-    return get_context("spawn").RawArray(c_char, size)
-
-
-def byte_view(memory: SharedBytes) -> NDArray[np.uint8]:
-    """Return shared memory as an array, without a copy."""
-    return np.frombuffer(memoryview(memory), dtype=np.uint8)
-
-
-_HEADER = 6  # int64 words of the header: published, closed, channels, slot capacity, slots, samples put
-# int64 words before a slot's data: kind, segment, first, samples, host time, backlog, bytes, ticks, put before, index
-_META = 10
-_BEFORE = 8  # samples put before this item
-_INDEX = 9  # written last: the index of the item in this slot, -1 while the slot changes
-_BLOCK, _END = 0, 1
-_END_BYTES = 4096  # every slot can hold the JSON of a segment end
-_TICKS = 512  # counter stamps per slot, before the codes
+_END_BYTES = 4096  # of the JSON of a segment end
+_TICKS = 512  # counter stamps per slot
 _NO_COUNTER = -1  # number of stamps where there is no counter
 
 
-_Words = NDArray[np.int64]
+class _Header(Structure):
+    published: int
+    is_closed: int
+    channels: int
+    capacity: int
+    slots: int
+    samples: int  # in all items published
+    _fields_: ClassVar[Any] = [
+        (name, c_int64) for name in ("published", "is_closed", "channels", "capacity", "slots", "samples")
+    ]
 
 
-def _slot_bytes(n_channels: int, capacity: int) -> int:
-    data = max(n_channels * capacity * 2, _END_BYTES)
-    return (_META + _TICKS) * 8 + (data + 7) // 8 * 8
+def _slot_type(n_channels: int, capacity: int) -> np.dtype[np.void]:
+    """Return the memory layout of a slot, which holds a block or a segment end."""
+    fields = [
+        ("index", np.int64),  # written last: the number of the item in this slot, -1 while the slot changes
+        ("meta", np.int64, 7),  # segment, first sample, samples, host time, backlog, stamps, samples of earlier items
+        ("ticks", np.int64, _TICKS),
+        ("end", f"S{_END_BYTES}"),  # empty for a block
+        ("codes", np.int16, (n_channels, capacity)),
+    ]
+    return np.dtype(fields, align=True)
 
 
 class BlockRing:
@@ -65,110 +65,92 @@ class BlockRing:
 
     def __init__(self, memory: SharedBytes) -> None:
         self.memory = memory
-        self._bytes = byte_view(memory)
-        self._words: _Words = self._bytes[: _HEADER * 8].view(np.int64)
-        self._slot = _slot_bytes(int(self._words[2]), int(self._words[3]))
+        self._header = header = _Header.from_buffer(memory)
+        slot = _slot_type(header.channels, header.capacity)
+        self._slots = np.frombuffer(memoryview(memory), slot, header.slots, offset=sizeof(_Header))
 
     @classmethod
     def create(cls, n_channels: int, capacity: int, n_slots: int) -> "BlockRing":
         """Create a ring of `n_slots` blocks of up to `capacity` samples per channel."""
         if min(n_channels, capacity, n_slots) < 1:
             raise ValueError(f"ring of {n_slots} slots × {n_channels} channels × {capacity} samples: expected ≥ 1 each")
-        memory = allocate_shared_bytes(_HEADER * 8 + n_slots * _slot_bytes(n_channels, capacity))
-        byte_view(memory)[: _HEADER * 8].view(np.int64)[:] = (0, 0, n_channels, capacity, n_slots, 0)
+        size = sizeof(_Header) + n_slots * _slot_type(n_channels, capacity).itemsize
+        memory = get_context("spawn").RawArray(c_char, size)
+        header = _Header.from_buffer(memory)
+        header.channels, header.capacity, header.slots = n_channels, capacity, n_slots
         return cls(memory)
 
     @property
     def published(self) -> int:
         """Number of items published so far."""
-        return int(self._words[0])
+        return self._header.published
 
     @property
     def n_slots(self) -> int:
         """Number of items that the ring holds."""
-        return int(self._words[4])
+        return self._header.slots
 
     @property
     def is_closed(self) -> bool:
         """Whether the writer has published its last item."""
-        return bool(self._words[1])
-
-    def _locate(self, index: int) -> tuple[_Words, int]:
-        offset = _HEADER * 8 + (index % int(self._words[4])) * self._slot
-        return np.ndarray((_META,), dtype=np.int64, buffer=self._bytes, offset=offset), offset + _META * 8
+        return bool(self._header.is_closed)
 
     def put(self, item: SourceItem) -> None:
         """Publish an item, in pieces where a block has more samples or stamps than a slot holds."""
+        n_channels, capacity = self._header.channels, self._header.capacity
         if isinstance(item, SegmentEnd):
-            self._put_end(item)
+            end = json.dumps(asdict(replace(item, detail=item.detail[:1000]))).encode()
+            self._publish((item.segment, item.samples, 0, 0, 0), np.empty((n_channels, 0), np.int16), None, end)
             return
-        capacity = int(self._words[3])
-        if item.codes.shape[0] != self._words[2]:
-            raise ValueError(f"block of {item.codes.shape[0]} channels: the ring holds {self._words[2]}")
+        if item.codes.shape[0] != n_channels:
+            raise ValueError(f"block of {item.codes.shape[0]} channels: the ring holds {n_channels}")
         ticks = item.ticks
-        while (
-            ticks is not None and ticks.size > _TICKS
-        ):  # surplus stamps go first, without samples, so that samples are never late
-            self._put_codes(item, 0, item.codes[:, :0], ticks[:_TICKS])
+        while ticks is not None and ticks.size > _TICKS:  # surplus stamps go first: samples are never late
+            self._publish_samples(item, 0, item.codes[:, :0], ticks[:_TICKS])
             ticks = ticks[_TICKS:]
         for start in range(0, item.n_samples, capacity):
-            self._put_codes(item, start, item.codes[:, start : start + capacity], ticks)
+            self._publish_samples(item, start, item.codes[:, start : start + capacity], ticks)
             ticks = None if ticks is None else ticks[:0]
 
-    def _put_codes(
-        self, item: SampleBlock, start: int, codes: NDArray[np.int16], ticks: NDArray[np.int64] | None
+    def _publish_samples(
+        self, block: SampleBlock, start: int, codes: NDArray[np.int16], ticks: NDArray[np.int64] | None
     ) -> None:
-        meta, data = self._next_slot()
-        n_ticks = _NO_COUNTER if ticks is None else ticks.size
+        first = block.first_sample + start
+        self._publish((block.segment, first, codes.shape[1], block.host_time_ns, block.backlog), codes, ticks)
+
+    def _publish(
+        self, meta: tuple[int, ...], codes: NDArray[np.int16], ticks: NDArray[np.int64] | None, end: bytes = b""
+    ) -> None:
+        header = self._header
+        slot = self._slots[header.published % header.slots]
+        slot["index"] = -1  # a reader of this slot sees that its item is overwritten
+        slot["meta"] = (*meta, _NO_COUNTER if ticks is None else ticks.size, header.samples)
+        slot["end"] = end
+        slot["codes"][:, : codes.shape[1]] = codes
         if ticks is not None:
-            np.ndarray(n_ticks, dtype=np.int64, buffer=self._bytes, offset=data)[:] = ticks
-        np.ndarray(codes.shape, dtype=np.int16, buffer=self._bytes, offset=data + _TICKS * 8)[:] = codes
-        first = item.first_sample + start
-        self._publish(meta, _BLOCK, item.segment, first, codes.shape[1], item.host_time_ns, item.backlog, 0, n_ticks)
-
-    def _put_end(self, end: SegmentEnd) -> None:
-        fields = asdict(end)
-        fields["detail"] = end.detail[:1000]
-        text = json.dumps(fields).encode()
-        meta, data = self._next_slot()
-        self._bytes[data : data + len(text)] = np.frombuffer(text, dtype=np.uint8)
-        self._publish(meta, _END, end.segment, end.samples, 0, 0, 0, len(text), _NO_COUNTER)
-
-    def _next_slot(self) -> tuple[_Words, int]:
-        meta, data = self._locate(self.published)
-        meta[_INDEX] = -1  # a reader of this slot sees that its item is overwritten
-        return meta, data
-
-    def _publish(self, meta: _Words, *words: int) -> None:
-        meta[:_BEFORE] = words
-        meta[_BEFORE] = self._words[5]
-        meta[_INDEX] = self._words[0]
-        self._words[5] += words[3]
-        self._words[0] += 1
+            slot["ticks"][: ticks.size] = ticks
+        slot["index"] = header.published
+        header.samples += codes.shape[1]
+        header.published += 1
 
     def finish(self) -> None:
         """Mark the ring as closed: no more items follow."""
-        self._words[1] = 1
+        self._header.is_closed = 1
 
     def read(self, index: int) -> tuple[SourceItem, int] | None:
         """Return a copy of item `index` and the number of samples before it; None where it has been overwritten."""
-        meta, data = self._locate(index)
-        kind, segment, first, n_samples, host_time, backlog, length, n_ticks, before, slot_index = map(int, meta)
-        if slot_index != index:
+        slot = self._slots[index % self._header.slots]
+        if slot["index"] != index:
             return None
-        shape = (int(self._words[2]), n_samples)
-        codes = np.ndarray(shape, dtype=np.int16, buffer=self._bytes, offset=data + _TICKS * 8).copy()
-        ticks = None if n_ticks == _NO_COUNTER else self._ticks(data, n_ticks)
-        text = self._bytes[data : data + length].tobytes()
-        if int(meta[_INDEX]) != index:  # overwritten during the copy
+        found = slot.copy()
+        if slot["index"] != index:  # overwritten during the copy
             return None
-        if kind == _BLOCK:
-            return SampleBlock(codes, segment, first, host_time, backlog, ticks), before
-        fields = json.loads(text)
-        return SegmentEnd(**{**fields, "reason": EndReason(fields["reason"])}), before
-
-    def _ticks(self, data: int, n: int) -> NDArray[np.int64]:
-        return np.ndarray(n, dtype=np.int64, buffer=self._bytes, offset=data).copy()
+        segment, first, n_samples, host_time, backlog, n_ticks, before = found["meta"].tolist()
+        if found["end"]:
+            return segment_end_from_json(json.loads(found["end"])), before
+        ticks = None if n_ticks == _NO_COUNTER else found["ticks"][:n_ticks].copy()
+        codes = np.ascontiguousarray(found["codes"][:, :n_samples])
+        return SampleBlock(codes, segment, first, host_time, backlog, ticks), before
 
     def reader(self) -> "RingReader":
         """Return a reader at the oldest item in the ring."""

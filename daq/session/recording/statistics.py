@@ -6,8 +6,11 @@ which the counter changed (a seqlock).
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from ctypes import Array, Structure, c_int64
+from multiprocessing import get_context
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
@@ -16,151 +19,152 @@ from analysis.signals.header import CODE_MAX, CODE_MIN, Acquisition
 from daq.config.schema import TimingSection
 from daq.drivers.factory import RECONNECT_REASONS
 from daq.session.live_update import Clipping, RunState
-from daq.session.recording.ring import SharedBytes, allocate_shared_bytes, byte_view
 
 MAX_CHANNELS = 16  # of one card
-# _CHANGES is odd while related words change, and rises by two with each change
-_CHANGES, _SAMPLES, _SEGMENT, _LOST, _AT_LEAST, _BACKLOG, _DISK, _BLOCK_AT, _ARMED, _RPM, _NUMBER = range(11)
-_CLIPPED = 11  # first of three words per channel: clipped samples, blocks with any, end of the last such block
-_CLIPPED_WORDS = 3
-_MAX_READS = 1000  # of words that keep changing: their writer may have been killed during a change
+_MAX_READS = 1000  # of counts that keep changing: their writer may have been killed during a change
+
+_COUNTS = (
+    "changes",
+    "samples",
+    "segment_samples",
+    "segment",
+    "lost",
+    "lost_is_lower_bound",
+    "backlog",
+    "disk_bytes_left",
+    "block_at",
+    "armed_event",
+    "speed_rpm",
+)
+
+Found = TypeVar("Found")
 
 
-class RecorderStatistics:
-    """Counts of a recording, written by one process and read by any.
+class _ClippedChannel(Structure):
+    samples: int
+    blocks: int
+    end: int  # samples of the run up to the end of the last block with clipped samples
+    _fields_: ClassVar[Any] = [("samples", c_int64), ("blocks", c_int64), ("end", c_int64)]
 
-    Parameters
+
+class RecorderStatistics(Structure):
+    """Counts of a recording in shared memory from `allocate`, written by one process and read by any.
+
+    Attributes
     ----------
-    memory : SharedBytes
-        Shared memory from `allocate`.
+    changes : int
+        Odd while related counts change; rises by two with each change.
+    samples, segment_samples : int
+        Samples per channel recorded, in all and in the current segment.
+    segment : int
+        The current segment.
+    lost : int
+        Samples per channel known to be lost.
+    lost_is_lower_bound : int
+        Whether more than that may be lost.
+    backlog : int
+        Samples per channel that the device held at the last read.
+    disk_bytes_left : int
+        Bytes that can be written until the disk reserve is reached; -1 before the first check.
+    block_at : int
+        Monotonic clock at the last block, ns; 0 before blocks are expected.
+    armed_event, speed_rpm : int
+        Number, from 1, of the event whose start condition is awaited, and the speed meanwhile, r/min; 0 while samples
+        are recorded.
     """
 
-    def __init__(self, memory: SharedBytes) -> None:
-        self._words = byte_view(memory).view(np.int64)
+    changes: int
+    samples: int
+    segment_samples: int
+    segment: int
+    lost: int
+    lost_is_lower_bound: int
+    backlog: int
+    disk_bytes_left: int
+    block_at: int
+    armed_event: int
+    speed_rpm: int
+    _clipping: "Array[_ClippedChannel]"
+    _fields_: ClassVar[Any] = [
+        *((name, c_int64) for name in _COUNTS),
+        ("_clipping", _ClippedChannel * MAX_CHANNELS),
+    ]
 
     @staticmethod
-    def allocate() -> SharedBytes:
-        """Return new shared memory for the statistics of a recording."""
-        memory = allocate_shared_bytes(8 * (_CLIPPED + _CLIPPED_WORDS * MAX_CHANNELS))
-        byte_view(memory).view(np.int64)[_DISK] = -1
-        return memory
+    def allocate() -> "RecorderStatistics":
+        """Return the statistics of a new recording; another process gets them as an argument when it is started."""
+        statistics = get_context("spawn").RawValue(RecorderStatistics)
+        statistics.disk_bytes_left = -1
+        return statistics
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """Mark related words as changing."""
-        self._words[_CHANGES] += 1
+        """Mark related counts as changing."""
+        self.changes += 1
         try:
             yield
         finally:
-            self._words[_CHANGES] += 1
+            self.changes += 1
 
-    def _read_related(self, *at: int) -> tuple[int, ...]:
-        """Return related words, all from the same change."""
-        found: tuple[int, ...] = ()
+    def _consistent(self, read: Callable[[], Found]) -> Found:
+        """Return related counts, all from the same change."""
         for _ in range(_MAX_READS):
-            before = int(self._words[_CHANGES])
-            found = tuple(int(self._words[word]) for word in at)
-            if before % 2 == 0 and before == self._words[_CHANGES]:
+            before, found = self.changes, read()
+            if before % 2 == 0 and before == self.changes:
                 break
         return found
 
     def start(self) -> None:
         """Expect blocks from now on."""
-        self._words[_BLOCK_AT] = time.monotonic_ns()
+        self.block_at = time.monotonic_ns()
 
     def set_armed(self, event: int, speed: float) -> None:
         """Set the number of the event whose start condition is awaited, and the present speed, r/min."""
         with self._changing():
-            self._words[_ARMED] = event
-            self._words[_RPM] = round(speed)
-            self._words[_BLOCK_AT] = time.monotonic_ns()
+            self.armed_event = event
+            self.speed_rpm = round(speed)
+            self.block_at = time.monotonic_ns()
 
     def add_block(self, block: SampleBlock) -> None:
         """Count a recorded block."""
-        rails = np.count_nonzero((block.codes == CODE_MIN) | (block.codes == CODE_MAX), axis=1)
+        rails = np.count_nonzero((block.codes == CODE_MIN) | (block.codes == CODE_MAX), axis=1).tolist()
         with self._changing():
-            self._words[_SAMPLES] += block.n_samples
-            self._words[_SEGMENT] = block.end
-            self._words[_NUMBER] = block.segment
-            self._words[_BACKLOG] = block.backlog
-            self._words[_ARMED] = 0
-            self._words[_BLOCK_AT] = time.monotonic_ns()
-            for row in np.flatnonzero(rails):
-                at = _CLIPPED + _CLIPPED_WORDS * int(row)
-                self._words[at] += int(rails[row])
-                self._words[at + 1] += 1
-                self._words[at + 2] = self._words[_SAMPLES]
+            self.samples += block.n_samples
+            self.segment_samples = block.end
+            self.segment = block.segment
+            self.backlog = block.backlog
+            self.armed_event = 0
+            self.block_at = time.monotonic_ns()
+            for channel, clipped in zip(self._clipping, rails, strict=False):
+                if clipped:
+                    channel.samples += clipped
+                    channel.blocks += 1
+                    channel.end = self.samples
 
     def add_end(self, end: SegmentEnd) -> None:
         """Count the samples lost at the end of a segment."""
         with self._changing():
-            self._words[_LOST] += end.lost
-            self._words[_AT_LEAST] |= int(not end.lost_is_exact)
-            self._words[_SEGMENT] = 0
-            self._words[_NUMBER] = end.segment + 1
-            self._words[_BACKLOG] = 0
-
-    @property
-    def samples(self) -> int:
-        """Samples per channel recorded."""
-        return int(self._words[_SAMPLES])
-
-    @property
-    def segment_samples(self) -> int:
-        """Samples per channel recorded in the current segment."""
-        return int(self._words[_SEGMENT])
+            self.lost += end.lost
+            self.lost_is_lower_bound |= not end.lost_is_exact
+            self.segment_samples = 0
+            self.segment = end.segment + 1
+            self.backlog = 0
 
     @property
     def position(self) -> tuple[int, int]:
         """The current segment and the samples per channel recorded in it."""
-        segment, samples = self._read_related(_NUMBER, _SEGMENT)
-        return segment, samples
-
-    @property
-    def lost(self) -> int:
-        """Samples per channel known to be lost."""
-        return int(self._words[_LOST])
-
-    @property
-    def lost_is_exact(self) -> bool:
-        """Whether `lost` is exact, not a lower bound."""
-        return not self._words[_AT_LEAST]
+        return self._consistent(lambda: (self.segment, self.segment_samples))
 
     def clipped(self, row: int) -> tuple[int, int, int]:
         """Return a channel's clipped samples, the blocks with any, and the samples up to the end of the last one."""
-        at = _CLIPPED + _CLIPPED_WORDS * row
-        samples, blocks, last = self._read_related(at, at + 1, at + 2)
-        return samples, blocks, last
-
-    @property
-    def backlog(self) -> int:
-        """Samples per channel that the device held at the last read."""
-        return int(self._words[_BACKLOG])
-
-    @property
-    def armed_event(self) -> int:
-        """Number, from 1, of the event whose start condition is awaited; 0 while samples are recorded."""
-        return int(self._words[_ARMED])
-
-    @property
-    def speed_rpm(self) -> int:
-        """Speed while the start condition is awaited, r/min."""
-        return int(self._words[_RPM])
+        channel = self._clipping[row]
+        return self._consistent(lambda: (channel.samples, channel.blocks, channel.end))
 
     @property
     def time_since_block(self) -> float:
         """Time since the last block, s; 0 before blocks are expected."""
-        at = int(self._words[_BLOCK_AT])
+        at = self.block_at
         return (time.monotonic_ns() - at) / 1e9 if at else 0.0
-
-    @property
-    def disk_bytes_left(self) -> int:
-        """Bytes that can be written until the disk reserve is reached; -1 before the first check."""
-        return int(self._words[_DISK])
-
-    @disk_bytes_left.setter
-    def disk_bytes_left(self, value: int) -> None:
-        self._words[_DISK] = value
 
 
 MAX_BLOCK_DELAY = 1.0

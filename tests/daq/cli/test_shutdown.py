@@ -157,7 +157,7 @@ def test_error_in_the_recorder_completes_the_file_and_releases_the_device(rig: R
             source,
             PartWriter(made.path, header, PartLimits()),
             ring,
-            RecorderStatistics(RecorderStatistics.allocate()),
+            RecorderStatistics.allocate(),
             there,
         )
         threading.Timer(0.5, here.send, ["not a command"]).start()
@@ -191,7 +191,7 @@ def test_error_in_the_recorder_is_reported(rig: RigFactory, tmp_path: Path) -> N
         source,
         PartWriter(made.path, header, PartLimits()),
         ring,
-        RecorderStatistics(RecorderStatistics.allocate()),
+        RecorderStatistics.allocate(),
         there,
     )
     recorder.run()
@@ -219,7 +219,7 @@ def test_error_in_the_recorders_listener_completes_the_file_and_is_reported(rig:
     with closing(here):
         header = run_header(made, source)
         writer = PartWriter(made.path, header, PartLimits())
-        _Recorder(made, source, writer, ring, RecorderStatistics(RecorderStatistics.allocate()), there).run()
+        _Recorder(made, source, writer, ring, RecorderStatistics.allocate(), there).run()
         watching.join(10)
     closed = messages[-1]
     assert isinstance(closed, FileClosed)

@@ -16,7 +16,7 @@ from analysis.signals.snapshot import CounterReport, Snapshot
 from recordings.integrity.file_checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
 from recordings.mcap import rig_pb2
-from recordings.mcap.header import header_from_json, header_to_json
+from recordings.mcap.header import header_from_json, to_json
 from recordings.mcap.messages import PulseEncoder, PulseMerger
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
@@ -71,8 +71,8 @@ def write(path: Path, header: RunHeader, blocks: list[SampleBlock]) -> Path:
 
 
 def test_header_with_a_counter_survives_a_round_trip(counted: RunHeader, header: RunHeader) -> None:
-    assert header_from_json(header_to_json(counted)) == counted
-    assert "counter" not in header_to_json(header)["acquisition"]["tacho"]
+    assert header_from_json(to_json(counted)) == counted
+    assert "counter" not in to_json(header)["acquisition"]["tacho"]
 
 
 def test_blocks_are_read_with_their_stamps(run: Path, blocks: list[SampleBlock]) -> None:

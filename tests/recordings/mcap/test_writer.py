@@ -21,7 +21,7 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from recordings.errors import StorageError
-from recordings.mcap.header import header_to_json
+from recordings.mcap.header import to_json
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import EncodedResult, encode_snapshot
 from recordings.mcap.writer import RunWriter
@@ -200,7 +200,7 @@ def test_killed_writer_loses_at_most_a_quarter_second(tmp_path: Path, header: Ru
         ) as writer:
             assert writer.stdin is not None
             assert writer.stdout is not None
-            writer.stdin.write(json.dumps(header_to_json(header)).encode() + b"\n")
+            writer.stdin.write(json.dumps(to_json(header)).encode() + b"\n")
             for _ in range(n_blocks - 1):
                 writer.stdin.write(b"\n")
             writer.stdin.flush()

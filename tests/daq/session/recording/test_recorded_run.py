@@ -223,7 +223,7 @@ def test_disk_that_fills_up_ends_the_recording_with_a_complete_file(rig: RigFact
         header = run_header(full, source)
         threading.Timer(1.0, here.send, [ResultsEnded(0)]).start()
         writer = PartWriter(full.path, header, PartLimits())
-        _Recorder(full, source, writer, ring, RecorderStatistics(RecorderStatistics.allocate()), there).run()
+        _Recorder(full, source, writer, ring, RecorderStatistics.allocate(), there).run()
     signal.signal(signal.SIGTERM, before)
     with RunReader(full.path) as reader:
         assert reader.is_complete

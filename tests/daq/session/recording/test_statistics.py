@@ -28,7 +28,7 @@ LONG = [{"time_s": 0.0, "speed_rpm": 6000.0}, {"time_s": 60.0, "speed_rpm": 6000
 
 
 def statistics_after(backlog: int) -> RecorderStatistics:
-    statistics = RecorderStatistics(RecorderStatistics.allocate())
+    statistics = RecorderStatistics.allocate()
     statistics.start()
     statistics.add_block(SampleBlock(np.zeros((1, 100), np.int16), 0, 0, 0, backlog))
     return statistics
@@ -50,7 +50,7 @@ def test_loss_message_names_the_segment_and_is_empty_for_a_normal_end() -> None:
 
 
 def test_clipping_is_counted_by_channel_and_block() -> None:
-    statistics = RecorderStatistics(RecorderStatistics.allocate())
+    statistics = RecorderStatistics.allocate()
     quiet = np.zeros((3, 100), np.int16)
     clipped = quiet.copy()
     clipped[0, 5:8], clipped[2, 9] = 32767, -32768
@@ -88,7 +88,7 @@ def test_recorded_run_shows_the_lost_contact_of_its_probe(rig: RigFactory, tmp_p
 
 
 def test_there_is_no_warning_before_blocks_are_expected() -> None:
-    assert recording_health(RecorderStatistics(RecorderStatistics.allocate()), RATE, TIMING) == (RunState.RECORDING, "")
+    assert recording_health(RecorderStatistics.allocate(), RATE, TIMING) == (RunState.RECORDING, "")
 
 
 def test_status_shows_full_buffer_missing_samples_and_reconnection(rig: RigFactory, tmp_path: Path) -> None:
@@ -132,8 +132,8 @@ def test_status_shows_full_buffer_missing_samples_and_reconnection(rig: RigFacto
 
 
 def test_related_counts_are_read_consistently_while_they_change() -> None:
-    memory = RecorderStatistics.allocate()
-    writer, reader = RecorderStatistics(memory), RecorderStatistics(memory)
+    writer = RecorderStatistics.allocate()
+    reader = RecorderStatistics.from_buffer(writer)
     codes = np.zeros((1, 100), np.int16)
     ends = threading.Event()
 
@@ -156,5 +156,5 @@ def test_related_counts_are_read_consistently_while_they_change() -> None:
 
 def test_reader_is_not_blocked_by_a_writer_killed_during_a_change() -> None:
     statistics = statistics_after(7)
-    statistics._words[0] += 1  # as at the start of a change
+    statistics.changes += 1  # as at the start of a change
     assert statistics.position == (0, 100)
