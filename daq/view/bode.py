@@ -16,7 +16,7 @@ from daq.view.drawing import MODEL_DASH, AutoScale, Axis, Drawing, LivePlot, Plo
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
+BODE_BOUNDS = ((-34.0, 320.0), (-15.0, 192.0))
 _BINS = 250
 _FONT_SIZE = 7.0
 _DASH = 2.5  # length, of run-down lines

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
-from daq.colours import BACKGROUND, FRAME, GRID, LABEL, TEXT, Color, mixed
+from daq.colours import BACKGROUND, FRAME, GRID, LABEL, Color, mixed
 from daq.session.live_update import LiveUpdate
 
 FloatArray = NDArray[np.float64]
@@ -157,6 +157,7 @@ def text_strokes(text: str) -> tuple[FloatArray, ...]:
     return tuple(strokes)
 
 
+STROKE_WIDTH = 0.13  # of text, over the height of its capitals
 MODEL_DASH = 4.0
 """Dash length of predicted curves in the units of a plane about 300 wide; distinguishes them without colour."""
 
@@ -226,26 +227,13 @@ class Drawing:
         self.line([(left + end, middle), (left + width - end, middle)], color, height)
 
     def text(
-        self,
-        text: str,
-        at: tuple[float, float],
-        height: float,
-        color: Color = TEXT,
-        anchor: Anchor = Anchor.LEFT,
-        *,
-        upright: bool = True,
-        weight: float = 0.13,
+        self, text: str, at: tuple[float, float], height: float, color: Color, anchor: Anchor = Anchor.LEFT
     ) -> float:
-        """Draw a line of text with the baseline at ``at``; rotated by 90° if not ``upright``.
-
-        ``height`` is that of capitals, ``weight`` the stroke width over the height. Returns the width of the text.
-        """
+        """Draw a line of text with the baseline at ``at`` and capitals of a height; return its width."""
         width = text_width(text) * height
+        start = np.array([at[0] - anchor.value * width, at[1]])
         for stroke in text_strokes(text):
-            along = stroke[:, 0] * height - anchor.value * width
-            up = stroke[:, 1] * height
-            x, y = (at[0] + along, at[1] - up) if upright else (at[0] - up, at[1] - along)
-            self._add(np.stack([x, y], axis=1), color, weight * height)
+            self._add(start + stroke * (height, -height), color, STROKE_WIDTH * height)
         return width
 
     def archetype(self, *, draw_order: float = 20.0) -> rr.LineStrips2D:

@@ -8,13 +8,11 @@ import rerun.blueprint as rrb
 from analysis.signals.header import RunHeader
 from daq.colours import BACKGROUND
 from daq.session.live_update import LiveUpdate
-from daq.view import bode, orbit
-from daq.view.bode import BodePlot
+from daq.view.bode import BODE_BOUNDS, BodePlot
 from daq.view.drawing import Drawing, LivePlot
-from daq.view.orbit import OrbitPlot
 from daq.view.spectra import MAP_BOUNDS, SPECTRUM_BOUNDS, CascadePlot, SpectrumPlot, WaterfallPlot
 from daq.view.status import BANNER_BOUNDS, banner, details
-from daq.view.traces import TRACE_BOUNDS, TREND_BOUNDS, TracePlot, TrendPlot
+from daq.view.waveforms import ORBIT_BOUNDS, TRACE_BOUNDS, TREND_BOUNDS, OrbitPlot, TracePlot, TrendPlot
 
 _Bounds = tuple[tuple[float, float], tuple[float, float]]
 
@@ -30,7 +28,7 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
         rrb.Vertical(
             _view_2d("banner", "Rig", BANNER_BOUNDS, titlebar=False),
             rrb.Horizontal(
-                _view_2d("orbit", "Orbit (µm, seen from the compressor end)", orbit.BOUNDS),
+                _view_2d("orbit", "Orbit (µm, seen from the compressor end)", ORBIT_BOUNDS),
                 _view_2d("spectrum", "Order spectrum (µm peak over shaft orders)", SPECTRUM_BOUNDS),
                 rrb.Tabs(
                     _view_2d("cascade", "Cascade (spectra over speed, r/min)", MAP_BOUNDS),
@@ -40,7 +38,7 @@ def operator_blueprint(header: RunHeader) -> rrb.Blueprint:
                 column_shares=[1.05, 1.35, 1.4],
             ),
             rrb.Horizontal(
-                _view_2d("bode", "1X and 2X against speed (µm peak, ° lag)", bode.BOUNDS),
+                _view_2d("bode", "1X and 2X against speed (µm peak, ° lag)", BODE_BOUNDS),
                 rrb.Tabs(
                     _view_2d("traces", "Traces (µm and V over ms)", TRACE_BOUNDS),
                     _view_2d("trend", "Trend (µm peak-to-peak and r/min over time)", TREND_BOUNDS),

@@ -17,7 +17,7 @@ from daq.colours import CLEARANCE, LABEL, MEASURED_X, MEASURED_Y, MODEL, TEXT, C
 from daq.session.live_update import LiveUpdate
 from daq.view.drawing import MODEL_DASH, Anchor, AutoScale, Axis, Drawing, LivePlot, Plot, dimmed, text_width
 from daq.view.status import micrometres
-from daq.view.traces import draw_horizontal_marker
+from daq.view.waveforms import draw_horizontal_marker
 from model.prediction.prediction_map import Prediction
 
 FloatArray = NDArray[np.float64]

@@ -4,28 +4,20 @@ rerun's own web server listens on all addresses, cannot be stopped, and its page
 Therefore its files are fetched once from a short-lived process and served here.
 """
 
-import contextlib
-import importlib.util
 import subprocess
 import sys
 import threading
 import time
 import urllib.error
 import urllib.request
-import zipfile
-from collections.abc import Callable, Mapping
-from functools import partial
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from daq.errors import ServiceError
 
-_TYPES = {
-    "index.html": "text/html; charset=utf-8",
-    "favicon.ico": "image/x-icon",
-    "re_viewer.js": "text/javascript; charset=utf-8",
-    "re_viewer_bg.wasm": "application/wasm",
-}
+_FILES = ("index.html", "favicon.ico", "re_viewer.js", "re_viewer_bg.wasm")
 _TIMEOUT = 60.0  # s, for the short-lived process
 _SERVER_SCRIPT = """
 import socket, sys
@@ -38,48 +30,39 @@ sys.stdin.read()
 """
 
 
-def viewer_files(on_server_start: Callable[[subprocess.Popen[bytes]], None] = lambda _: None) -> dict[str, bytes]:
-    """Return the files of the web viewer of the installed rerun, by name.
+def fetch_viewer_files(folder: Path, on_server_start: Callable[[subprocess.Popen[bytes]], None]) -> None:
+    """Write the files of the web viewer of the installed rerun to a folder.
 
     Parameters
     ----------
-    lent : callable, optional
-        Called with the short-lived server process, where one is needed; killing it cancels the fetch.
+    folder : Path
+        The folder.
+    on_server_start : callable
+        Called with the short-lived server process; killing it cancels the fetch.
 
     Raises
     ------
     ServiceError
         The files are not available.
     """
-    spec = importlib.util.find_spec("rerun")
-    archive = Path(str(spec.origin)).parent / "web_viewer.zip" if spec is not None else None
-    if archive is not None and archive.is_file():  # some rerun packages contain them as an archive
-        with zipfile.ZipFile(archive) as packed:
-            return {name: packed.read(name) for name in _TYPES}
     server = subprocess.Popen(  # noqa: S603 - this program's own interpreter and the text above
         [sys.executable, "-c", _SERVER_SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     )
-    with server:
-        try:
-            on_server_start(server)
-            return _fetch_files(server)
-        finally:
-            server.kill()
-
-
-def _fetch_files(server: subprocess.Popen[bytes]) -> dict[str, bytes]:
-    """Fetch the files from rerun's web server in a process that prints its port."""
     watch = threading.Timer(_TIMEOUT, server.kill)
     watch.daemon = True  # must not delay the exit of the program
     watch.start()
-    try:
-        port = server.stdout.readline().decode().strip() if server.stdout is not None else ""
-        if not port.isdigit():
-            raise ServiceError("the page of the live view is not available: rerun's web viewer did not start")
-        deadline = time.monotonic() + _TIMEOUT
-        return {name: _fetch(f"http://127.0.0.1:{port}/{name}", server, deadline) for name in _TYPES}
-    finally:
-        watch.cancel()
+    with server:
+        try:
+            on_server_start(server)
+            port = server.stdout.readline().decode().strip() if server.stdout is not None else ""
+            if not port.isdigit():
+                raise ServiceError("the page of the live view is not available: rerun's web viewer did not start")
+            deadline = time.monotonic() + _TIMEOUT
+            for name in _FILES:
+                (folder / name).write_bytes(_fetch(f"http://127.0.0.1:{port}/{name}", server, deadline))
+        finally:
+            watch.cancel()
+            server.kill()
 
 
 def _fetch(url: str, server: subprocess.Popen[bytes], deadline: float) -> bytes:
@@ -94,40 +77,24 @@ def _fetch(url: str, server: subprocess.Popen[bytes], deadline: float) -> bytes:
             time.sleep(0.05)
 
 
-class _FileHandler(BaseHTTPRequestHandler):
+class _FileHandler(SimpleHTTPRequestHandler):
     """Request handler for the files of the viewer."""
 
     protocol_version = "HTTP/1.1"
 
-    def __init__(self, files: Mapping[str, bytes], policy: str, *arguments: object) -> None:
-        self._files = files
+    def __init__(self, policy: str, folder: str, *arguments: object) -> None:
         self._policy = policy
-        super().__init__(*arguments)  # type: ignore[arg-type]  # socketserver hands them through
+        super().__init__(*arguments, directory=folder)  # type: ignore[arg-type]  # socketserver hands them through
 
-    def do_GET(self) -> None:
-        """Send the file."""
-        self._respond(body=True)
-
-    def do_HEAD(self) -> None:
-        """Send the headers of the file."""
-        self._respond(body=False)
-
-    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
-        """Log nothing, to keep the terminal free for the operator."""
-
-    def _respond(self, *, body: bool) -> None:
-        name = self.path.partition("?")[0].lstrip("/") or "index.html"
-        content = self._files.get(name)
-        self.send_response(404 if content is None else 200)
-        self.send_header("Content-Type", _TYPES.get(name, "text/plain; charset=utf-8"))
-        self.send_header("Content-Length", str(len(content or b"")))
+    def end_headers(self) -> None:
+        """Add the headers that limit what the page may load."""
         self.send_header("Content-Security-Policy", self._policy)
         self.send_header("X-Content-Type-Options", "nosniff")
         self.send_header("Cache-Control", "no-cache")
-        self.end_headers()
-        if body and content is not None:
-            with contextlib.suppress(ConnectionError):  # the browser went away
-                self.wfile.write(content)
+        super().end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the base class's name
+        """Log nothing, to keep the terminal free for the operator."""
 
 
 class ViewerPages:
@@ -149,7 +116,6 @@ class ViewerPages:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self._files: dict[str, bytes] = {}
         self._policy = ""
         try:
             self._http = ThreadingHTTPServer((host, port), self._handler)
@@ -159,6 +125,7 @@ class ViewerPages:
                 f"port {port} on {host} for the live view's page: {reason}; choose another, or 0"
             ) from error
         self._http.daemon_threads = True
+        self._folder = TemporaryDirectory(prefix="rig-viewer-")
         self._thread: threading.Thread | None = None
         self._is_ready = threading.Event()
         self._changing = threading.Lock()
@@ -202,6 +169,7 @@ class ViewerPages:
             self._thread.join()
             self._thread = None
         self._http.server_close()
+        self._folder.cleanup()
 
     def _on_server_start(self, server: subprocess.Popen[bytes]) -> None:
         with self._changing:
@@ -211,7 +179,7 @@ class ViewerPages:
 
     def _run(self) -> None:
         try:
-            self._files = viewer_files(self._on_server_start)
+            fetch_viewer_files(Path(self._folder.name), self._on_server_start)
         except (ServiceError, OSError) as error:
             self.failure = str(error)
             return
@@ -220,4 +188,4 @@ class ViewerPages:
         self._http.serve_forever(0.2)
 
     def _handler(self, *arguments: object) -> BaseHTTPRequestHandler:
-        return partial(_FileHandler, self._files, self._policy)(*arguments)
+        return _FileHandler(self._policy, self._folder.name, *arguments)

@@ -8,7 +8,7 @@ import pytest
 from analysis.signals.units import RPM
 from daq.view.drawing import AutoScale, Axis, Plot, text_strokes, text_width, tick_step
 from daq.view.status import clock, disk_time, micrometres, replace_unprintable, rpm, vector
-from daq.view.traces import min_max_decimated
+from daq.view.waveforms import min_max_decimated
 
 
 @pytest.mark.parametrize(

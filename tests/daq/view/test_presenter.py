@@ -21,7 +21,7 @@ from daq.view.drawing import MODEL_DASH, Drawing, text_strokes, text_width
 from daq.view.presenter import Presenter, timeline
 from daq.view.spectra import COLUMNS, FONT_SIZE, HIGHEST_MAP_ORDER, ROWS, SpectrumPlot
 from daq.view.status import details
-from daq.view.traces import TrendPlot
+from daq.view.waveforms import TrendPlot
 from recordings.mcap.results import Marker, MarkerKind
 from tests.daq.support.live_updates import (
     RATE,
