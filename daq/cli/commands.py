@@ -8,13 +8,10 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
-from analysis.signals.errors import AnalysisError
 from daq.cli.arguments import Run
 from daq.cli.terminal import TerminalOutput, use_ascii_fallback
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
-from model.errors import ModelError, ParameterError
-from recordings.errors import RecordingError
 
 _EPILOG = """\
 exit codes:
@@ -110,11 +107,9 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = args.run(args, console)
         sys.stdout.flush()
-    except (RigError, RecordingError, AnalysisError, ModelError) as error:
+    except _reported_errors() as error:
         console.line(f"rig: {error}")
-        if isinstance(error, RigError):
-            return error.exit_code
-        return UsageError.exit_code if isinstance(error, RecordingError | ParameterError) else RigError.exit_code
+        return _exit_code(error)
     except BrokenPipeError:
         if not _is_reader_gone(sys.stdout):
             raise
@@ -122,6 +117,24 @@ def run(arguments: Sequence[str] | None = None) -> int:
     finally:
         console.done()
     return code
+
+
+def _reported_errors() -> tuple[type[Exception], ...]:
+    """Return the error trees of our own; imported only after an error, because they are in large packages."""
+    from analysis.signals.errors import AnalysisError
+    from model.errors import ModelError
+    from recordings.errors import RecordingError
+
+    return RigError, RecordingError, AnalysisError, ModelError
+
+
+def _exit_code(error: Exception) -> int:
+    from model.errors import ParameterError
+    from recordings.errors import RecordingError
+
+    if isinstance(error, RigError):
+        return error.exit_code
+    return UsageError.exit_code if isinstance(error, RecordingError | ParameterError) else RigError.exit_code
 
 
 def _is_reader_gone(stream: TextIO) -> bool:

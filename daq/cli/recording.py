@@ -34,7 +34,6 @@ from daq.drivers.replay import ReplaySource
 from daq.errors import ServiceError, UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
-from daq.schemas.runs import run_schema
 from daq.service.access import is_loopback
 from daq.service.app import create_app
 from daq.service.jobs.queue import CatalogueLocation, JobQueue
@@ -363,7 +362,7 @@ def run_record(args: argparse.Namespace, console: TerminalOutput) -> int:
             console.line(f"rig: {outcome.message}")
         names = list(file_ids(request.path))
         if len(names) > MAX_FULL_SUMMARIES and not args.json:
-            print_runs([run_schema(catalogue.run(name)) for name in names])
+            print_runs(map(catalogue.run, names))
             print(f"{len(names)} recordings; rig summary RUN shows each")
             return outcome.exit_code
         try:

@@ -1,20 +1,24 @@
 """Commands on recorded runs: `rig index`, `runs`, `annotate`, `summary`, `verify` and `recover`."""
 
 import argparse
+import math
+from collections.abc import Iterable
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from analysis.signals.snapshot import LARGEST_OVERALL, OVERALL
 from analysis.signals.units import RPM
 from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, add_json, add_run, calibration, show_examples, speed
 from daq.cli.terminal import TerminalOutput, grid, print_json, print_output
-from daq.schemas.runs import IndexReportSchema, RunSchema, run_schema
-from recordings.catalogue.catalogue import SUFFIX, Catalogue, data_folder
+from recordings.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, data_folder
 from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
-from recordings.integrity.recover import MissingSamples
 from recordings.integrity.verify import Verdict, Verification, verify
+
+if TYPE_CHECKING:
+    from recordings.integrity.recover import MissingSamples
 
 NS_PER_SECOND = 1_000_000_000
 
@@ -85,24 +89,25 @@ def find_run(args: argparse.Namespace) -> tuple[Catalogue, str]:
     return catalogue, run_id
 
 
-def print_runs(runs: list[RunSchema]) -> None:
+def print_runs(runs: Iterable[RunEntry]) -> None:
     """Print runs, one a row: id, duration, size, state and annotations."""
     print_output(grid(*map(_run_row, runs)))
 
 
-def _run_row(run: RunSchema) -> tuple[str, str, str, str]:
+def _run_row(run: RunEntry) -> tuple[str, str, str, str]:
     state = "incomplete" if not run.is_complete else "complete" if run.is_gap_free else "samples lost"
     if run.verdict not in ("", Verdict.SOUND):
         state = run.verdict
-    largest = ((getattr(run, measure.full_name), measure.unit) for measure in LARGEST_OVERALL.rows)
-    overall = (f"{value:.3g} {unit}" for value, unit in largest if value is not None)
+    largest = zip(LARGEST_OVERALL.rows, run.largest or (), strict=False)
+    overall = (f"{measure.shown(value):.3g} {measure.unit}" for measure, value in largest if not math.isnan(value))
     texts = "  ".join((run.fault or state, *overall, *_annotations(run)))
-    return run.run, f"{run.duration_s or 0.0:8.1f} s", f"{run.size_bytes / 1e6:9.1f} MB", texts
+    return run.id, f"{run.duration:8.1f} s", f"{run.size / 1e6:9.1f} MB", texts
 
 
-def _annotations(run: RunSchema) -> list[str]:
+def _annotations(run: RunEntry) -> list[str]:
     """Return a run's tags, note and remark as printed."""
-    texts = [" ".join(text.split()) for text in (run.note or "", run.remark)]
+    note = "" if run.header is None else run.header.note
+    texts = [" ".join(text.split()) for text in (note, run.remark)]
     return [*(f"#{tag}" for tag in run.tags), *(f"“{text}”" for text in texts if text)]
 
 
@@ -116,6 +121,8 @@ def run_index(args: argparse.Namespace, console: TerminalOutput) -> int:
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
     damaged = [run_id for run_id, fault in faults.items() if fault not in ("", Verdict.SOUND)]
     if args.json:
+        from daq.schemas.runs import IndexReportSchema
+
         print_json(IndexReportSchema.of(report))
     else:
         for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.missing)):
@@ -148,10 +155,11 @@ def run_runs(args: argparse.Namespace, _console: TerminalOutput) -> int:
         calibration=args.calibration,
     )
     catalogue = Catalogue(data_folder(args.folder))
-    entries = catalogue.search(search) if search != Search() else catalogue.runs()
-    runs = [run_schema(entry) for entry in entries]
+    runs = catalogue.search(search) if search != Search() else catalogue.runs()
     if args.json:
-        print_json(runs)
+        from daq.schemas.runs import run_schema
+
+        print_json([run_schema(run) for run in runs])
     elif runs:
         print_runs(runs)
     else:
@@ -165,11 +173,13 @@ def run_annotate(args: argparse.Namespace, _console: TerminalOutput) -> int:
     tags = None
     if args.tag or args.untag:
         tags = (set(catalogue.run(run_id).tags) | set(args.tag)) - set(args.untag)
-    run = run_schema(catalogue.annotate(run_id, remark=args.remark, tags=tags))
+    run = catalogue.annotate(run_id, remark=args.remark, tags=tags)
     if args.json:
-        print_json(run)
+        from daq.schemas.runs import run_schema
+
+        print_json(run_schema(run))
     else:
-        print("  ".join((run.run, *_annotations(run))))
+        print("  ".join((run.id, *_annotations(run))))
     return 0
 
 
@@ -263,7 +273,7 @@ def run_recover(args: argparse.Namespace, _console: TerminalOutput) -> int:
     return INCOMPLETE if recovery.missing else 0
 
 
-def _missing_line(missing: MissingSamples) -> str:
+def _missing_line(missing: "MissingSamples") -> str:
     if missing.stop is None:
         return f"missing  segment {missing.segment}: everything after its first {missing.first} samples"
     last = missing.stop - 1

@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
-from analysis.live.summary import RunSummary
 from analysis.signals.header import Acquisition, RunHeader
 from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import NUMBER
@@ -23,6 +22,9 @@ from recordings.mcap.container import has_end_magic
 from recordings.mcap.header import to_json
 from recordings.mcap.layout import NANOSECONDS
 from recordings.mcap.reader import RunReader
+
+if TYPE_CHECKING:  # imports scipy, for which listing runs need not wait
+    from analysis.live.summary import RunSummary
 
 ANNOTATIONS_SUFFIX = ".notes.json"
 ANNOTATIONS_FORMAT = 1
@@ -201,7 +203,7 @@ def calibration_identity(acquisition: Acquisition) -> str:
     return hashlib.sha256(json.dumps(calibrations, sort_keys=True).encode()).hexdigest()[:16]
 
 
-Summarise = Callable[[RunReader], RunSummary]
+Summarise = Callable[[RunReader], "RunSummary"]
 UNREADABLE = "unreadable"
 MAX_WRITE_PAUSE = 10.0
 """Seconds after its last change in which an unfinished file may still be being written."""

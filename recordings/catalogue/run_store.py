@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import (
     ColumnElement,
@@ -25,7 +25,6 @@ from sqlalchemy import (
     update,
 )
 
-from analysis.live.summary import RunSummary
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import LARGEST_OVERALL
 from analysis.signals.units import MICROMETRE, RPM
@@ -34,6 +33,9 @@ from recordings.catalogue.entry import Annotations, CachedRun, RunEntry
 from recordings.errors import DamagedError
 from recordings.mcap.header import header_from_json, to_json
 from recordings.mcap.results import Marker
+
+if TYPE_CHECKING:  # imports scipy, for which listing runs need not wait
+    from analysis.live.summary import RunSummary
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,7 @@ PER_RUN_KEYS = {"run": "", "started_ns": 0, "note": ""}
 """Header keys that differ from run to run; the rest is stored once for all runs that share it."""
 
 
-SummarisedRun = tuple[RunEntry, RunSummary, tuple[Marker, ...]]
+SummarisedRun = tuple[RunEntry, "RunSummary", tuple[Marker, ...]]
 """A run, with the state of its file when it was read, its summary and its markers."""
 
 
