@@ -64,9 +64,14 @@ class Quantity:
 
     @property
     def sentence(self) -> str:
-        """Description with the unit at the end of its first clause."""
-        head, separator, rest = f"{self.description[:1].upper()}{self.description[1:]}".partition(";")
-        return f"{head}{', ' if self.unit else ''}{self.unit}{separator}{rest}"
+        """Description with the unit."""
+        text = self.extended(f", {self.unit}" if self.unit else "").description
+        return text[:1].upper() + text[1:]
+
+    def extended(self, text: str) -> "Quantity":
+        """Return the quantity with a text at the end of the first clause of its description."""
+        head, separator, rest = self.description.partition(";")
+        return replace(self, description=f"{head}{text}{separator}{rest}")
 
     @property
     def full_name(self) -> str:
@@ -168,10 +173,7 @@ def _named(attribute: str, indices: tuple[int, ...], quantity: Quantity, *, at_p
     named = replace(quantity, name=quantity.name or attribute)
     if not at_probes:
         return {named.full_name: Reading(attribute, indices, named)}
-    at = [
-        replace(named, name=f"{named.name}_{probe}", description=f"{named.description} at probe {probe}")
-        for probe in "xy"
-    ]
+    at = [replace(named.extended(f" at probe {probe}"), name=f"{named.name}_{probe}") for probe in "xy"]
     return {one.full_name: Reading(attribute, (*indices, probe), one) for probe, one in enumerate(at)}
 
 
