@@ -85,26 +85,38 @@ class OverallWindow:
         ``speed`` is the shaft speed, rad/s, NaN where unknown: then the window is one update interval.
         """
         n = displacement.shape[1]
-        self._hops.append(_Hop(n, *trimmed_extremes(displacement, glitch_samples(n, self._rate))))
+        mean = displacement.mean(axis=1)
+        squares = np.sum((displacement - mean[:, None]) ** 2, axis=1)
+        self._hops.append(_Hop(n, *trimmed_extremes(displacement, glitch_samples(n, self._rate)), mean, squares))
         turn = 0.0 if np.isnan(speed) else 2.0 * np.pi / speed * self._rate
         window = self._hops[-1]
         for hop in list(self._hops)[-2::-1]:
             if window.samples >= max(self._hop, turn):
                 break
             window = window.joined(hop)
-        return np.stack([window.high - window.low])
+        return np.stack([window.high - window.low, np.sqrt(window.squares / window.samples)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hop:
-    """Consecutive samples: their number, and the smallest and largest at each probe, m."""
+    """Consecutive samples: their number, and for each probe smallest, largest, mean (m) and squares about it (m²)."""
 
     samples: int
     low: FloatArray
     high: FloatArray
+    mean: FloatArray
+    squares: FloatArray
 
     def joined(self, other: "_Hop") -> "_Hop":
-        return _Hop(self.samples + other.samples, np.minimum(self.low, other.low), np.maximum(self.high, other.high))
+        samples = self.samples + other.samples
+        share, apart = other.samples / samples, other.mean - self.mean
+        return _Hop(
+            samples,
+            np.minimum(self.low, other.low),
+            np.maximum(self.high, other.high),
+            self.mean + share * apart,
+            self.squares + other.squares + self.samples * share * apart**2,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -20,6 +20,7 @@ from analysis.signals.units import (
     NUMBER,
     PEAK,
     PEAK_TO_PEAK,
+    RMS,
     SHORT_TIME,
     SPEED,
     TIME,
@@ -28,7 +29,13 @@ from analysis.signals.units import (
 
 RECENT_TIME = 10.0  # s: span of the recent counts
 
-OVERALL = Measures((PEAK_TO_PEAK.of("overall vibration", "peak_to_peak"),), at_probes=True)
+OVERALL = Measures(
+    (
+        PEAK_TO_PEAK.of("overall vibration", "peak_to_peak"),
+        RMS.of("overall vibration without its mean; unknown in older recordings", "rms"),
+    ),
+    at_probes=True,
+)
 """Measures of the overall, unfiltered vibration, from `analysis.shaft.overall.OverallWindow`."""
 LARGEST_OVERALL = OVERALL.called("largest")
 

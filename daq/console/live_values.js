@@ -119,7 +119,9 @@ function drawOverall({ measured, predicted, limits, status }) {
   const part = measured?.peak_to_peak_clearance_fraction;
   write("clearance", isKnown(part) ? ` · ${formatFixed(100 * part, 0)} % of clearance` : "");
   showSeverity("overall", "verdict", "overall", status.alarms, true);
-  write("limits", limitsText(limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um, formatMicrometres));
+  const levels = limitsText(limits.peak_to_peak_alarm_um, limits.peak_to_peak_danger_um, formatMicrometres);
+  const rms = ["x", "y"].filter((probe) => isKnown(measured?.[`rms_${probe}_um`])).map((probe) => `${probe} ${formatMicrometres(measured[`rms_${probe}_um`])}`);
+  write("limits", [levels, rms.length && `RMS ${rms.join(" ")}`].filter(Boolean).join(" · "));
   const model = predicted && `· model x ${formatMicrometres(predicted.peak_to_peak_x_um)} y ${formatMicrometres(predicted.peak_to_peak_y_um)}`;
   write("pp-model", model ?? "");
 }

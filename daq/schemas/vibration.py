@@ -22,12 +22,15 @@ class OverallSchema(Schema, of=(Snapshot,)):
 
     peak_to_peak_x_um: Number = Field(examples=[38.4])
     peak_to_peak_y_um: Number = Field(examples=[41.0])
+    rms_x_um: Number = Field(examples=[13.4])
+    rms_y_um: Number = Field(examples=[14.1])
 
 
 class LargestOverallSchema(Schema, of=(ProbeSummary,)):
     """Largest overall vibration of a probe, or of either probe, over a run."""
 
     largest_peak_to_peak_um: Number = Field(examples=[96.1])
+    largest_rms_um: Number = Field(examples=[33.2])
 
 
 class SpeedRowOverallSchema(Schema, of=(SpeedRow,)):
@@ -37,6 +40,10 @@ class SpeedRowOverallSchema(Schema, of=(SpeedRow,)):
     mean_peak_to_peak_y_um: Number = Field(examples=[41.0])
     largest_peak_to_peak_x_um: Number = Field(examples=[43.9])
     largest_peak_to_peak_y_um: Number = Field(examples=[47.2])
+    mean_rms_x_um: Number = Field(examples=[13.4])
+    mean_rms_y_um: Number = Field(examples=[14.1])
+    largest_rms_x_um: Number = Field(examples=[15.3])
+    largest_rms_y_um: Number = Field(examples=[16.4])
 
 
 class OverallRangeQuery(BaseModel):
@@ -51,6 +58,12 @@ class OverallRangeQuery(BaseModel):
         None,
         description="Only runs that did not exceed this overall vibration, µm peak-to-peak",
         examples=[90.0],
+    )
+    rms_from_um: Amplitude = Field(
+        None, description="Only runs that reached this overall vibration, µm RMS", examples=[20.0]
+    )
+    rms_to_um: Amplitude = Field(
+        None, description="Only runs that did not exceed this overall vibration, µm RMS", examples=[30.0]
     )
 
     def overall_ranges(self) -> tuple[tuple[str, float, float], ...]:

@@ -53,7 +53,7 @@ class SegmentEnd(_message.Message):
     def __init__(self, segment: _Optional[int] = ..., samples: _Optional[int] = ..., reason: _Optional[str] = ..., lost: _Optional[int] = ..., lost_is_exact: _Optional[bool] = ..., detail: _Optional[str] = ...) -> None: ...
 
 class Features(_message.Message):
-    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration", "sigma_1x_um", "sigma_2x_um", "x_1x_lag_sigma_deg", "y_1x_lag_sigma_deg", "whirl_sigma_um", "whirls", "x_1x_compensated_um", "x_1x_compensated_lag_deg", "y_1x_compensated_um", "y_1x_compensated_lag_deg", "tacho_mark_is_arbitrary", "counter")
+    __slots__ = ("segment", "sample", "time_s", "speed_rpm", "speed_rad_per_s", "tacho_state", "tacho_pulses", "tacho_filled", "tacho_rejected", "tacho_jitter_s", "gap_x_v", "gap_y_v", "gap_x_ok", "gap_y_ok", "peak_to_peak_x_um", "peak_to_peak_y_um", "peak_to_peak_x_m", "peak_to_peak_y_m", "clipped", "has_order_frame", "x_1x_um", "x_1x_lag_deg", "y_1x_um", "y_1x_lag_deg", "x_2x_um", "x_2x_lag_deg", "y_2x_um", "y_2x_lag_deg", "whirl_order", "whirl_um", "whirl_is_forward", "noise_um", "beyond_calibration", "rms_x_um", "rms_y_um", "rms_x_m", "rms_y_m", "sigma_1x_um", "sigma_2x_um", "x_1x_lag_sigma_deg", "y_1x_lag_sigma_deg", "whirl_sigma_um", "whirls", "x_1x_compensated_um", "x_1x_compensated_lag_deg", "y_1x_compensated_um", "y_1x_compensated_lag_deg", "tacho_mark_is_arbitrary", "counter")
     SEGMENT_FIELD_NUMBER: _ClassVar[int]
     SAMPLE_FIELD_NUMBER: _ClassVar[int]
     TIME_S_FIELD_NUMBER: _ClassVar[int]
@@ -87,6 +87,10 @@ class Features(_message.Message):
     WHIRL_IS_FORWARD_FIELD_NUMBER: _ClassVar[int]
     NOISE_UM_FIELD_NUMBER: _ClassVar[int]
     BEYOND_CALIBRATION_FIELD_NUMBER: _ClassVar[int]
+    RMS_X_UM_FIELD_NUMBER: _ClassVar[int]
+    RMS_Y_UM_FIELD_NUMBER: _ClassVar[int]
+    RMS_X_M_FIELD_NUMBER: _ClassVar[int]
+    RMS_Y_M_FIELD_NUMBER: _ClassVar[int]
     SIGMA_1X_UM_FIELD_NUMBER: _ClassVar[int]
     SIGMA_2X_UM_FIELD_NUMBER: _ClassVar[int]
     X_1X_LAG_SIGMA_DEG_FIELD_NUMBER: _ClassVar[int]
@@ -132,6 +136,10 @@ class Features(_message.Message):
     whirl_is_forward: bool
     noise_um: float
     beyond_calibration: _containers.RepeatedScalarFieldContainer[int]
+    rms_x_um: float
+    rms_y_um: float
+    rms_x_m: float
+    rms_y_m: float
     sigma_1x_um: float
     sigma_2x_um: float
     x_1x_lag_sigma_deg: float
@@ -144,7 +152,7 @@ class Features(_message.Message):
     y_1x_compensated_lag_deg: float
     tacho_mark_is_arbitrary: bool
     counter: CounterCheck
-    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., sigma_1x_um: _Optional[float] = ..., sigma_2x_um: _Optional[float] = ..., x_1x_lag_sigma_deg: _Optional[float] = ..., y_1x_lag_sigma_deg: _Optional[float] = ..., whirl_sigma_um: _Optional[float] = ..., whirls: _Optional[int] = ..., x_1x_compensated_um: _Optional[float] = ..., x_1x_compensated_lag_deg: _Optional[float] = ..., y_1x_compensated_um: _Optional[float] = ..., y_1x_compensated_lag_deg: _Optional[float] = ..., tacho_mark_is_arbitrary: _Optional[bool] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
+    def __init__(self, segment: _Optional[int] = ..., sample: _Optional[int] = ..., time_s: _Optional[float] = ..., speed_rpm: _Optional[float] = ..., speed_rad_per_s: _Optional[float] = ..., tacho_state: _Optional[str] = ..., tacho_pulses: _Optional[int] = ..., tacho_filled: _Optional[int] = ..., tacho_rejected: _Optional[int] = ..., tacho_jitter_s: _Optional[float] = ..., gap_x_v: _Optional[float] = ..., gap_y_v: _Optional[float] = ..., gap_x_ok: _Optional[bool] = ..., gap_y_ok: _Optional[bool] = ..., peak_to_peak_x_um: _Optional[float] = ..., peak_to_peak_y_um: _Optional[float] = ..., peak_to_peak_x_m: _Optional[float] = ..., peak_to_peak_y_m: _Optional[float] = ..., clipped: _Optional[_Iterable[int]] = ..., has_order_frame: _Optional[bool] = ..., x_1x_um: _Optional[float] = ..., x_1x_lag_deg: _Optional[float] = ..., y_1x_um: _Optional[float] = ..., y_1x_lag_deg: _Optional[float] = ..., x_2x_um: _Optional[float] = ..., x_2x_lag_deg: _Optional[float] = ..., y_2x_um: _Optional[float] = ..., y_2x_lag_deg: _Optional[float] = ..., whirl_order: _Optional[float] = ..., whirl_um: _Optional[float] = ..., whirl_is_forward: _Optional[bool] = ..., noise_um: _Optional[float] = ..., beyond_calibration: _Optional[_Iterable[int]] = ..., rms_x_um: _Optional[float] = ..., rms_y_um: _Optional[float] = ..., rms_x_m: _Optional[float] = ..., rms_y_m: _Optional[float] = ..., sigma_1x_um: _Optional[float] = ..., sigma_2x_um: _Optional[float] = ..., x_1x_lag_sigma_deg: _Optional[float] = ..., y_1x_lag_sigma_deg: _Optional[float] = ..., whirl_sigma_um: _Optional[float] = ..., whirls: _Optional[int] = ..., x_1x_compensated_um: _Optional[float] = ..., x_1x_compensated_lag_deg: _Optional[float] = ..., y_1x_compensated_um: _Optional[float] = ..., y_1x_compensated_lag_deg: _Optional[float] = ..., tacho_mark_is_arbitrary: _Optional[bool] = ..., counter: _Optional[_Union[CounterCheck, _Mapping]] = ...) -> None: ...
 
 class CounterCheck(_message.Message):
     __slots__ = ("is_working", "compared", "missing", "extra", "apart", "mean_s", "largest_s", "recent", "recent_odd")

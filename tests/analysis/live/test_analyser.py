@@ -253,6 +253,7 @@ def test_gap_voltage_and_peak_to_peak_match_the_motion(make_bench: Maker) -> Non
     assert snapshot.gap_volts == pytest.approx([4.5, 4.5 - 12_000 * 10 / 32768], abs=0.001)
     assert snapshot.gap_in_window.tolist() == [True, False]
     assert snapshot.peak_to_peak == pytest.approx([40 * MICROMETRE, 40 * MICROMETRE], rel=0.02)
+    assert snapshot.overall[1] == pytest.approx([20 * MICROMETRE / np.sqrt(2.0)] * 2, rel=0.02)
 
 
 def test_peak_to_peak_covers_a_slow_revolution_without_glitches(make_bench: Maker) -> None:

@@ -1,5 +1,6 @@
 """Overall vibration of a record, and trimmed extremes."""
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.resampling.angular_record import probe_displacement
-from analysis.shaft.overall import overall, trimmed_extremes
+from analysis.shaft.overall import OverallWindow, overall, trimmed_extremes
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.units import MICROMETRE
 
@@ -48,6 +49,26 @@ def test_whole_record_gives_the_live_peak_to_peak(make_bench: Callable[..., "Ben
     live = [snapshot.peak_to_peak for snapshot in bench.snapshots(codes)]
     found = overall(probe_displacement(bench.acquisition, codes), bench.acquisition.rate, 100 * MICROMETRE)
     np.testing.assert_array_equal(found.peak_to_peak.T, live)
+
+
+def test_rms_is_that_of_the_vibration_without_its_mean_over_the_window() -> None:
+    """A sine of amplitude A has an RMS of A / √2, white noise its standard deviation, whatever the mean."""
+    hop, samples = 2000, 8000
+    time = np.arange(samples) / RATE
+    noise = 3e-6 * np.random.default_rng(5).standard_normal(samples)
+    motion = np.stack([10e-6 * np.sin(2.0 * np.pi * 100.0 * time), noise]) - np.array([[4e-4], [1e-3]])
+    window = OverallWindow(RATE, hop, 100)
+    slow = 2.0 * np.pi * RATE / samples  # rad/s: one revolution lasts four hops
+    found = [window.add(motion[:, k : k + hop], slow) for k in range(0, samples, hop)][-1]
+    assert found[1, 0] == pytest.approx(10e-6 / math.sqrt(2.0), rel=1e-9)
+    assert found[1, 1] == pytest.approx(noise.std(), rel=1e-9)
+    assert found[1, 1] == pytest.approx(3e-6, rel=0.03)
+
+
+def test_rms_covers_one_interval_where_the_speed_is_unknown() -> None:
+    window = OverallWindow(RATE, 2000, 100)
+    window.add(np.array([[1e-6, -1e-6] * 1000] * 2), math.nan)
+    assert window.add(np.array([[2e-6, -2e-6] * 1000] * 2), math.nan)[1] == pytest.approx([2e-6, 2e-6])
 
 
 def test_misuse_is_refused() -> None:

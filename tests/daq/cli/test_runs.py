@@ -41,16 +41,16 @@ def test_runs_are_filtered_by_time_rig_calibration_speed_text_and_tags(run: Path
     assert main(["runs", "--json"]) == 0
     (listed,) = json.loads(capsys.readouterr().out)
     low, high = math.floor(listed["largest_peak_to_peak_um"]), math.ceil(listed["largest_peak_to_peak_um"])
-    matching += [["--peak-to-peak", f"{low}-{high}"]]
+    matching += [["--peak-to-peak", f"{low}-{high}"], ["--rms", f"0-{listed['largest_rms_um'] + 0.1}"]]
+    other += [["--rms", f"{listed['largest_rms_um'] + 0.1}-99"]]
     other += [["--peak-to-peak", f"{high}-{high + 1}"], ["--peak-to-peak", f"0-{low}"]]
     matching += [["--rig", listed["rig"]], ["--calibration", listed["calibration"][:6]]]
     other += [["--rig", "none"], ["--calibration", "none"], ["--device", "none"]]
     for option in matching:
         assert main(["runs", *option]) == 0
-        assert re.fullmatch(
-            rf"{RUN} +2\.0 s .* MB  complete  [\d.]+ µm peak-to-peak  .*#good  “cold oil”  “bearing new”\n",
-            capsys.readouterr().out,
-        )
+        overall = r"[\d.]+ µm peak-to-peak  [\d.]+ µm RMS"
+        row = rf"{RUN} +2\.0 s .* MB  complete  {overall}  #good  “cold oil”  “bearing new”\n"
+        assert re.fullmatch(row, capsys.readouterr().out)
     for option in other:
         assert main(["runs", *option]) == 0
         assert capsys.readouterr().out.startswith("no matching runs in ")

@@ -16,15 +16,19 @@ from hypothesis import strategies as st
 from pydantic import Field
 from pydantic.fields import FieldInfo
 
+from analysis.live.summary import ProbeSummary, RunSummary
 from analysis.signals import FloatArray
-from analysis.signals.snapshot import OVERALL, Whirl
-from analysis.signals.units import MICROMETRE, PEAK_TO_PEAK, RPM, SPEED, phase_lag_degrees
+from analysis.signals.snapshot import OVERALL, Snapshot, Whirl
+from analysis.signals.units import MICROMETRE, PEAK_TO_PEAK, RPM, SPEED, phase_lag_degrees, readings
+from analysis.vectors.speed_curve import SpeedRow
 from daq import schemas
-from daq.schemas.live import live_schema
-from daq.schemas.runs import run_schema
-from daq.schemas.summary import summary_schema
+from daq.schemas.live import MeasurementSchema, live_schema
+from daq.schemas.runs import RunSchema, run_schema
+from daq.schemas.summary import ProbeSummarySchema, SpeedRowSchema, SummarySchema, summary_schema
 from daq.schemas.units import Number, Schema, finite, lag_degrees, micrometres, rpm, utc_time
+from daq.schemas.vibration import OverallRangeQuery
 from daq.session.live_update import LiveUpdate
+from recordings.catalogue.entry import RunEntry
 from tests.daq.support.live_updates import make_live_updates
 from tests.daq.support.service_fakes import make_agreement, make_entries, make_summary
 
@@ -244,3 +248,29 @@ def test_schema_with_a_second_description_of_a_quantity_is_refused() -> None:
 
         class _Twice(Schema, of=(Measured,)):
             highest_speed_rpm: Number = Field(description="Highest speed, r/min")
+
+
+@pytest.mark.parametrize(
+    ("result", "schema"),
+    [(Snapshot, MeasurementSchema), (RunSummary, SummarySchema), (ProbeSummary, ProbeSummarySchema),
+     (SpeedRow, SpeedRowSchema), (RunEntry, RunSchema)],
+)  # fmt: skip
+def test_every_measure_of_overall_vibration_has_a_field(result: type, schema: type[Schema]) -> None:
+    names = {name for name, reading in readings(result).items() if reading.attribute.endswith(("overall", "largest"))}
+    assert len(names) >= len(OVERALL.rows)
+    assert names <= set(schema.described)
+
+
+def test_every_measure_of_overall_vibration_can_be_searched() -> None:
+    names = {f"{row.name}_{end}_{row.suffix}" for row in OVERALL.rows for end in ("from", "to")}
+    assert names <= set(OverallRangeQuery.model_fields)
+
+
+def test_rms_that_was_not_recorded_is_null() -> None:
+    assert UPDATE.snapshot is not None
+    overall = UPDATE.snapshot.overall.copy()
+    overall[1] = math.nan
+    measured = live_schema(replace(UPDATE, snapshot=replace(UPDATE.snapshot, overall=overall))).measured
+    assert measured is not None
+    assert measured.rms_x_um is None
+    assert measured.peak_to_peak_x_um is not None

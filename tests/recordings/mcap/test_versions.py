@@ -57,4 +57,7 @@ def test_file_of_an_earlier_program_is_read_verified_and_recovered(
             for segment in range(2):
                 np.testing.assert_array_equal(reader.samples(segment, 0, 2000), codes_of(segment, 0, 2000))
     with RunReader(path) as reader:
-        assert [(snapshot.segment, snapshot.sample) for snapshot in reader.snapshots()] == [(0, 2000)]
+        (snapshot,) = reader.snapshots()
+        assert (snapshot.segment, snapshot.sample) == (0, 2000)
+        assert np.isfinite(snapshot.peak_to_peak).all()
+        assert np.isnan(snapshot.overall[1]).all()  # files of the first programs have no RMS

@@ -56,6 +56,10 @@ def test_run_list_filters_by_measurement_annotation_and_calibration(bench: Recor
     assert FAST in listed(bench, peak_to_peak_from_um=vibration - 0.01, peak_to_peak_to_um=vibration + 0.01)
     assert FAST not in listed(bench, peak_to_peak_from_um=vibration + 0.01)
     assert FAST not in listed(bench, peak_to_peak_to_um=vibration - 0.01)
+    assert 0.0 < run["largest_rms_um"] < vibration / 2.0
+    assert FAST in listed(bench, rms_from_um=run["largest_rms_um"] - 0.01, rms_to_um=run["largest_rms_um"] + 0.01)
+    assert FAST not in listed(bench, rms_from_um=run["largest_rms_um"] + 0.01)
+    assert listed(bench, rms_to_um=0) == []
     assert listed(bench, tag=["good", "odd"]) == []
     assert sorted(listed(bench, since="2026-11-01", before="2027-01-01T00:00:00Z")) == both
     assert listed(bench, since="9999-12-31T23:59:59Z") == listed(bench, before="0001-01-01T00:00:00Z") == []
