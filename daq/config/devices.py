@@ -1,10 +1,11 @@
 """Cards that the service knows, with their limits.
 
-USB-6251: "NI 6251 Specifications" (M Series). The clocks of the other two and the rates of X Series cards are those of
-the "NI USB-621x User Manual" (PFI 0 to 3 are inputs, PFI 4 to 7 outputs) and the "X Series User Manual". The remaining
-figures of USB-6211 and PCIe-6321 are not yet checked against "NI USB-621x Specifications" and "NI 6321 Device
-Specifications": check them before the first run with such a card. Every card here has 16 bits, because a recording's
-int16 codes clip at their ends.
+USB-6251: "NI 6251 Specifications" (M Series). USB-6211: ranges, 16 bits, pairs of inputs, clocks, 32-bit counters and
+lines (PFI 0 to 3 are inputs, PFI 4 to 7 outputs) from the "NI USB-621x User Manual" (tables 3-1 and 4-1, chapter 10).
+PCIe-6321: ranges, 16 bits, rates and clocks from the "X Series User Manual" (tables 4-1, 4-5). Not yet checked against
+the cards' own specifications: how many inputs and counters both have, the rate of the USB-6211, and the logic levels of
+both; check these before the first run with such a card. Every card here has 16 bits, because a recording's int16 codes
+clip at their ends.
 """
 
 from collections.abc import Mapping

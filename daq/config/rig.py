@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from analysis.preflight.check_result import WiringLimits
 from analysis.signals.header import (
@@ -206,13 +207,13 @@ def model_parameters(config: RigConfig) -> ModelParameters:
 
 
 def _bearing(bearing: FloatingRing, section: ModelSection) -> FloatingRing:
-    if section.viscosity_pa_s is not None:
-        bearing = replace(bearing, viscosity=section.viscosity_pa_s)
-    if section.inner_clearance_um is not None:
-        bearing = replace(bearing, inner_clearance=section.inner_clearance_um * MICROMETRE)
-    if section.outer_clearance_um is not None:
-        bearing = replace(bearing, outer_clearance=section.outer_clearance_um * MICROMETRE)
-    return bearing
+    changes: dict[str, tuple[float | None, float]] = {
+        "viscosity": (section.viscosity_pa_s, 1.0),
+        "inner_clearance": (section.inner_clearance_um, MICROMETRE),
+        "outer_clearance": (section.outer_clearance_um, MICROMETRE),
+    }
+    values: Any = {name: value * unit for name, (value, unit) in changes.items() if value is not None}
+    return replace(bearing, **values)
 
 
 def _imbalances(imbalances: tuple[Imbalance, ...], section: ModelSection) -> tuple[Imbalance, ...]:

@@ -92,9 +92,8 @@ class ReconnectingSource:
 
     def _decide(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
         """Return whether to reconnect after this segment end, and the end with its final detail."""
-        if end.reason not in RECONNECT_REASONS or self._stopping.is_set() or self._timeout == 0:
-            return False, end
-        return (True, end) if self._restarts.allow() else (False, self._restarts.with_reason(end))
+        goes_on = end.reason in RECONNECT_REASONS and not self._stopping.is_set() and self._timeout > 0
+        return self._restarts.decide(end, goes_on=goes_on)
 
     def _reconnect(self) -> DeviceError | None:
         """Reopen the device until it is back or a stop is requested; return the error if it stays disconnected."""

@@ -52,19 +52,18 @@ class RestartLimiter:
         self._per_minute = per_minute
         self._times: deque[float] = deque(maxlen=max(per_minute, 1))
 
-    def allow(self) -> bool:
-        """Count a new segment and return True; return False if the limit is reached."""
+    def decide(self, end: SegmentEnd, *, goes_on: bool) -> tuple[bool, SegmentEnd]:
+        """Return whether a run that would go on does so, and the segment's end, which states if the limit stops it."""
+        if not goes_on:
+            return False, end
         now = time.monotonic()
         full = len(self._times) == self._per_minute
-        if self._per_minute == 0 or (full and now - self._times[0] < WINDOW):
-            return False
-        self._times.append(now)
-        return True
-
-    def with_reason(self, end: SegmentEnd) -> SegmentEnd:
-        """Return the run's last segment end with the limit added to its detail."""
+        if self._per_minute > 0 and not (full and now - self._times[0] < WINDOW):
+            self._times.append(now)
+            return True, end
         reason = "every fault ends the run" if self._per_minute == 0 else f"{self._per_minute} new segments in a minute"
-        return replace(end, detail=f"{end.detail}; the run ends here: {reason} (session.restarts_per_minute)")
+        detail = f"{end.detail}; the run ends here: {reason} (session.restarts_per_minute)"
+        return False, replace(end, detail=detail)
 
 
 @dataclass(frozen=True, slots=True)

@@ -247,11 +247,10 @@ class Drawing:
         self._radii.append(0.5 * width)
 
 
-def tick_step(span: float, count: int) -> float:
-    """Return the step of 1, 2 or 5 times a power of ten that divides ``span`` into at most ``count`` intervals."""
-    raw = span / count
-    power = float(10.0 ** np.floor(np.log10(raw)))
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= raw * (1.0 - 1e-9))
+def round_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0, 10.0)) -> float:
+    """Return the smallest of the steps times a power of ten that is at least a positive value."""
+    power = float(10.0 ** np.floor(np.log10(value)))
+    return next(step * power for step in steps if step * power >= value * (1.0 - 1e-9))
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,13 +277,13 @@ class Axis:
 
     def values(self) -> FloatArray:
         """Return the values of the ticks."""
-        step = self.step or tick_step(self.high - self.low, self.ticks)
+        step = self.step or round_up((self.high - self.low) / self.ticks)
         first, last = np.ceil(self.low / step - 1e-9), np.floor(self.high / step + 1e-9)
         return np.asarray(np.arange(first, last + 1) * step, dtype=np.float64)
 
     def label(self, value: float) -> str:
         """Return the label of a tick."""
-        step = self.step or tick_step(self.high - self.low, self.ticks)
+        step = self.step or round_up((self.high - self.low) / self.ticks)
         return f"{value + 0.0:,.{max(0, -int(np.floor(np.log10(step) + 1e-9)))}f}"
 
     def fraction(self, values: ArrayLike) -> FloatArray:
@@ -380,8 +379,6 @@ class AutoScale:
         Number of successive values that must fit a shorter scale before it shrinks.
     """
 
-    _STEPS = np.array([1.0, 2.0, 3.0, 5.0, 10.0])
-
     def __init__(self, minimum: float, patience: int = 30) -> None:
         self._minimum = minimum
         self._patience = patience
@@ -403,9 +400,7 @@ class AutoScale:
         return self.end
 
     def _fitting(self, value: float) -> float:
-        wanted = max(value / 0.9, self._minimum)
-        power = float(10.0 ** np.floor(np.log10(wanted)))
-        return float(next(step * power for step in self._STEPS if step * power >= wanted * (1.0 - 1e-9)))
+        return round_up(max(value / 0.9, self._minimum), (1.0, 2.0, 3.0, 5.0, 10.0))
 
 
 class LivePlot(ABC):

@@ -250,8 +250,7 @@ class NiSource:
                     return
                 end = self._with_details((yield from self._segment(segment)))
                 goes_on = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
-                if goes_on and not self._restarts.allow():
-                    goes_on, end = False, self._restarts.with_reason(end)
+                goes_on, end = self._restarts.decide(end, goes_on=goes_on)
                 yield end
                 if not goes_on or self._stopping.is_set():
                     return
@@ -272,29 +271,26 @@ class NiSource:
     def _segment(self, segment: int) -> Generator[SourceItem, None, SegmentEnd]:
         count = checked = 0
         offset: int | None = None  # driver's count minus ours: its zero point is unknown, but must not change
-        while not self._stopping.is_set():
-            try:
+        try:
+            while not self._stopping.is_set():
                 codes = self._card.read()
-            except DeviceError as error:
-                return self._fault(segment, count, error)
-            host_time_ns = time.time_ns()
-            backlog, fault = self._backlog()
-            first, count = count, count + codes.shape[1]
-            if fault is not None and fault.code == 0:  # the connection failed, so the counter cannot be read
-                self._stamps.fail(count, fault)
-            ticks = self._stamps.take_until(count, backlog)
-            yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)
-            if fault is not None:
-                return self._fault(segment, count, fault)
-            if count - checked >= COUNT_CHECK_INTERVAL * self.acquisition.rate:
-                checked = count
-                try:
+                host_time_ns = time.time_ns()
+                backlog, fault = self._backlog()
+                first, count = count, count + codes.shape[1]
+                if fault is not None and fault.code == 0:  # the connection failed, so the counter cannot be read
+                    self._stamps.fail(count, fault)
+                ticks = self._stamps.take_until(count, backlog)
+                yield SampleBlock(codes, segment, first, host_time_ns, backlog, ticks)
+                if fault is not None:
+                    return self._fault(segment, count, fault)
+                if count - checked >= COUNT_CHECK_INTERVAL * self.acquisition.rate:
+                    checked = count
                     position = self._card.position()
-                except DeviceError as error:
-                    return self._fault(segment, count, error)
-                offset = position - count if offset is None else offset
-                if position - count != offset:
-                    return _miscounted(segment, count, position - offset)
+                    offset = position - count if offset is None else offset
+                    if position - count != offset:
+                        return _miscounted(segment, count, position - offset)
+        except DeviceError as error:
+            return self._fault(segment, count, error)
         return self._stopped(segment, count)
 
     def _with_details(self, end: SegmentEnd) -> SegmentEnd:

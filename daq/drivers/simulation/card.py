@@ -228,8 +228,7 @@ class SimulatedSource:
             lost = end.lost
             over = self._stopping.is_set() or self._card.n_read + lost >= self._card.n_samples
             goes_on = end.reason is EndReason.OVERRUN and not over
-            if goes_on and not self._restarts.allow():
-                goes_on, end = False, self._restarts.with_reason(end)
+            goes_on, end = self._restarts.decide(end, goes_on=goes_on)
             yield end
             if not goes_on or self._stopping.is_set():
                 return

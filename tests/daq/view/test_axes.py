@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.units import RPM
-from daq.view.drawing import AutoScale, Axis, Plot, text_strokes, text_width, tick_step
+from daq.view.drawing import AutoScale, Axis, Plot, round_up, text_strokes, text_width
 from daq.view.status import clock, disk_time, micrometres, replace_unprintable, rpm, vector
 from daq.view.waveforms import min_max_decimated
 
@@ -15,7 +15,7 @@ from daq.view.waveforms import min_max_decimated
     ("span", "count", "step"), [(100.0, 5, 20.0), (3.0, 6, 0.5), (20_000.0, 8, 5_000.0), (7.0, 5, 2.0)]
 )
 def test_tick_step_is_round_and_limits_number_of_ticks(span: float, count: int, step: float) -> None:
-    assert math.isclose(tick_step(span, count), step)
+    assert math.isclose(round_up(span / count), step)
 
 
 def test_tick_labels_have_required_digits() -> None:
