@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.signals.blocks import RampDirection
+from analysis.signals.snapshot import OVERALL
 from analysis.signals.units import RPM
 from analysis.vectors.speed_curve import SpeedRow
 from daq.reports.plots.layouts import orbit, spectrum
@@ -21,7 +22,7 @@ UNKNOWN = np.full((2, 2), complex(math.nan))
 def row(direction: RampDirection, speed_rpm: float, compensated: complex | None) -> SpeedRow:
     vectors = np.full((2, 2), 10e-6 + 0j)
     less = UNKNOWN if compensated is None else np.full((2, 2), compensated)
-    two = np.array([30e-6, 31e-6])
+    two = np.array([[30e-6, 31e-6]] * len(OVERALL.rows))
     return SpeedRow(
         direction, speed_rpm * RPM, 3, vectors, np.zeros((2, 2)), two, two, 5e-8, 0.0, math.nan, compensated=less
     )
