@@ -36,7 +36,7 @@ from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
 from daq.service.access import is_loopback
 from daq.service.app import create_app
-from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.jobs.queue import JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.service.state import ServiceState
@@ -154,7 +154,7 @@ class LiveServices:
         self._manager = manager
         self._view = None if args.no_view else self._open_view(console)
         self._server: ServiceServer | None = None
-        self._jobs = JobQueue(CatalogueLocation(catalogue.folder, catalogue.url))
+        self._jobs = JobQueue(catalogue)
         if args.no_serve:
             return
         state = ServiceState(catalogue, self, summaries, results, self._jobs, manager)

@@ -14,10 +14,8 @@ from daq.service import pages
 from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddleware, is_loopback
 from daq.service.problem_types import ProblemSchema, ProblemType
 from daq.service.problems import EXCEPTION_HANDLERS, PROBLEM_SCHEMA_REFERENCE, UnhandledErrorMiddleware, problems
-from daq.service.routes import live, runs
-from daq.service.routes.jobs import JobRoutes
+from daq.service.routes import jobs, live, runs, uploads
 from daq.service.routes.results import RunRoutes
-from daq.service.routes.uploads import UploadRoutes
 from daq.service.routing import API_PREFIX, HeadAsGetMiddleware, Routing
 from daq.service.state import ServiceState
 
@@ -88,12 +86,11 @@ def create_app(
         ProblemType.INTERNAL_ERROR,
         *([ProblemType.TOKEN_REQUIRED] if token else []),
     )
-    for router in (runs.router, live.router, live.health_router, *([runs.start_router] if state.run_manager else [])):
+    routers = (runs.router, live.router, live.health_router, uploads.router, jobs.router)
+    for router in (*routers, *([runs.start_router] if state.run_manager else [])):
         app.include_router(router, prefix=API_PREFIX, responses=problems(*common))
     routing = Routing(APIRouter(prefix=API_PREFIX), common)
     RunRoutes(state, app.version).add_to(routing)
-    UploadRoutes(state.uploads, state.results, state.catalogue.free_bytes).add_to(routing)
-    JobRoutes(state.catalogue, state.live, state.jobs, state.uploads, state.closing).add_to(routing)
     app.include_router(routing.router)
     app.include_router(pages.router)
     app.mount("/console", StaticFiles(directory=pages.CONSOLE))

@@ -27,7 +27,7 @@ from daq.schemas.units import degrees, finite, rpm
 from daq.service import rendering
 from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
-from daq.service.schemas.uploads import ColumnsSchema, columns_schema
+from daq.service.uploads import ColumnsSchema, columns_schema
 from daq.session.processes import WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction

@@ -18,7 +18,7 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.results_reader import ResultsReader
 from daq.service.stream import CURVES_INTERVAL, VALUES_INTERVAL, LiveBroadcaster, LiveRun, require_ended
-from daq.service.uploads import UploadReceiver, UploadStore
+from daq.service.uploads import MAX_UPLOAD_SIZE, UploadReceiver, UploadStore
 from daq.session.run import RunManager
 from recordings.catalogue.catalogue import Catalogue, RunEntry
 
@@ -76,12 +76,14 @@ class ServiceState:
         Starts runs; None if the service starts none.
     uploads : UploadStore
         Files of other programs, for import.
-    recording_receiver : UploadReceiver
-        Receives recordings.
+    recording_receiver, upload_receiver : UploadReceiver
+        Receive recordings and files of other programs.
     values, curves : LiveBroadcaster
         Values and curves of the live run for the clients that follow it.
     closing : Event
         Set before shutdown: endless responses end.
+    job_followers : int
+        Number of clients that follow a job.
     started_at : float
         Start of the service on the monotonic clock, s.
     lookups, summary_threads, result_threads, edits, starts : BoundedThreadPool
@@ -96,9 +98,11 @@ class ServiceState:
     run_manager: RunManager | None = None
     uploads: UploadStore = field(init=False)
     recording_receiver: UploadReceiver = field(init=False)
+    upload_receiver: UploadReceiver = field(init=False)
     values: LiveBroadcaster = field(init=False)
     curves: LiveBroadcaster = field(init=False)
     closing: threading.Event = field(default_factory=threading.Event)
+    job_followers: int = 0
     started_at: float = field(default_factory=time.monotonic)
     lookups: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=4, waiting=64))
     summary_threads: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=2, waiting=16))
@@ -107,8 +111,9 @@ class ServiceState:
     starts: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=1, waiting=0))
 
     def __post_init__(self) -> None:
-        self.uploads = UploadStore(self.jobs.location.folder)
+        self.uploads = UploadStore(self.catalogue.folder)
         self.recording_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_RECORDING_SIZE)
+        self.upload_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_UPLOAD_SIZE)
         self.values = LiveBroadcaster(self.live, live_schema, VALUES_INTERVAL, self.closing)
         self.curves = LiveBroadcaster(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
 

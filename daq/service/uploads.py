@@ -3,76 +3,112 @@
 Nothing of a client's file name reaches the disk but the suffix; incomplete uploads are deleted.
 """
 
+import math
 import secrets
 import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path, PurePath
 from typing import Final
 
 from anyio import CapacityLimiter, fail_after, to_thread
 from fastapi import Request
+from pydantic import Field
 
+from daq.schemas.units import Schema, utc_time
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from recordings.catalogue.incoming_run import IncomingRun
 from recordings.errors import RunExistsError
 from recordings.exchange.formats import IMPORT_FORMATS
+from recordings.exchange.table import Column, Table
 
+ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 MAX_UPLOADS: Final = 16
 MAX_UPLOAD_SIZE: Final = 2 * 1024**3  # bytes of one file
 MAX_NAME_LENGTH: Final = 200
 RETENTION_TIME: Final = 3600.0  # s
-ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
+UPLOADS: Final = "/api/v1/uploads"
 
 
-class UploadNameError(Exception):
-    """A name is no plain file name with the suffix of an import format."""
+class UploadSchema(Schema):
+    """An uploaded file; a job of kind `import` converts it into a run."""
+
+    upload: str = Field(description="Its id", examples=["5d41402abc4b2a76"])
+    name: str = Field(description="Its file name", examples=["run-up.tdms"])
+    size_bytes: int = Field(description="Its size, bytes", ge=0, examples=[48_000_000])
+    uploaded_at: datetime = Field(description="Time of the complete upload, UTC", examples=["2026-11-24T10:00:00Z"])
+    expires_at: datetime = Field(description="Time of its deletion, UTC", examples=["2026-11-24T11:00:00Z"])
+    columns: str = Field(description="URL of its columns", examples=[f"{UPLOADS}/5d41402abc4b2a76/columns"])
 
 
-class UploadNotFoundError(LookupError):
-    """No upload has this id."""
+class UploadListSchema(Schema):
+    """All uploaded files."""
+
+    uploads: tuple[UploadSchema, ...] = Field(description="Newest first")
 
 
-class UploadStoreFullError(RuntimeError):
-    """Too many uploads are stored."""
+class ColumnSchema(Schema):
+    """A numeric column."""
+
+    name: str = Field(description="Its name, for use in a mapping", examples=["group/Kaman 1"])
+    unit: str = Field(description="Unit from the file; empty if it gives none", examples=["V"])
+    lowest: float | None = Field(description="Minimum, in that unit; null: not finite", examples=[-1.25])
+    highest: float | None = Field(description="Maximum, in that unit; null: not finite", examples=[1.31])
 
 
-@dataclass(frozen=True, slots=True)
-class Upload:
-    """An uploaded file.
+class ColumnsSchema(Schema):
+    """Content of an uploaded file."""
 
-    Parameters
-    ----------
-    id : str
-        Its random id.
-    name : str
-        The client's name of the file.
-    path : Path
-        Its path; only the suffix comes from the name.
-    size : int
-        Size, bytes.
-    uploaded, expires : float
-        Wall clock of the complete upload and of the deletion, s since 1970.
-    """
-
-    id: str
-    name: str
-    path: Path
-    size: int
-    uploaded: float
-    expires: float
+    name: str = Field(description="File name", examples=["run-up.tdms"])
+    rows: int = Field(description="Numbers in each column", ge=0, examples=[2_000_000])
+    rate_hz: float | None = Field(description="Sampling rate, Hz; null: not in the file", examples=[20_000.0])
+    started_at: datetime | None = Field(
+        description="Wall clock at the first row, UTC; null: not in the file", examples=["2012-05-01T08:30:00Z"]
+    )
+    columns: tuple[ColumnSchema, ...] = Field(description="In the order of the file")
 
 
-def check_name(name: str) -> None:
-    """Raise UploadNameError unless the name is a plain file name with the suffix of an import format."""
+def columns_schema(name: str, table: Table) -> ColumnsSchema:
+    """Return the schema of a table from the named file."""
+    return ColumnsSchema(
+        name=name,
+        rows=table.n_rows,
+        rate_hz=table.rate,
+        started_at=None if table.started_ns is None else utc_time(table.started_ns),
+        columns=tuple(map(_column_schema, table.columns)),
+    )
+
+
+def _column_schema(column: Column) -> ColumnSchema:
+    extremes = float(column.values.min()), float(column.values.max())
+    lowest, highest = (extreme if math.isfinite(extreme) else None for extreme in extremes)
+    return ColumnSchema(name=column.name, unit=column.unit, lowest=lowest, highest=highest)
+
+
+def upload_suffix(name: str) -> str:
+    """Return the suffix of a plain file name, in lower case; ProblemError unless it is that of an import format."""
+    suffix = PurePath(name).suffix.lower()
     if not name.isprintable() or not 0 < len(name) <= MAX_NAME_LENGTH or set(name) & set("/\\:"):
-        raise UploadNameError(f"name {name[:60]!r}: expected a file's name without its folders")
-    if PurePath(name).suffix.lower() not in IMPORT_FORMATS:
-        raise UploadNameError(f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORT_FORMATS)}")
+        detail = f"name {name[:60]!r}: expected a file's name without its folders"
+        raise ProblemError(ProblemType.INVALID_PARAMETER, detail)
+    if suffix not in IMPORT_FORMATS:
+        detail = f"name {name[-60:]!r}: expected one that ends with {', '.join(IMPORT_FORMATS)}"
+        raise ProblemError(ProblemType.INVALID_PARAMETER, detail)
+    return suffix
+
+
+def delete_abandoned(folder: Path) -> None:
+    """Delete the folders in a folder that killed services left behind a day ago."""
+    for abandoned in folder.glob("*"):
+        try:
+            if time.time() - abandoned.stat().st_mtime > ABANDONED_AFTER:
+                shutil.rmtree(abandoned, ignore_errors=True)
+        except OSError:  # another service has deleted it meanwhile
+            continue
 
 
 class UploadStore:
@@ -87,90 +123,84 @@ class UploadStore:
     """
 
     def __init__(self, folder: Path, retention_time: float = RETENTION_TIME) -> None:
-        self._retention_time = retention_time
+        self._retention_time = timedelta(seconds=retention_time)
         self._folder = folder / ".rig" / "uploads"
         self._lock = threading.Lock()
-        self._uploads: dict[str, Upload] = {}  # in order of upload
+        self._uploads: dict[str, UploadSchema] = {}  # in order of upload
 
-    def path_for(self, name: str) -> Path:
-        """Return the path for a new file with this name.
-
-        Raises
-        ------
-        UploadNameError
-            The name is invalid.
-        UploadStoreFullError
-            Too many uploads are stored.
-        """
-        check_name(name)
+    def new_path(self, name: str) -> Path:
+        """Return the path for a new file with this name; ProblemError if the name is invalid or the store is full."""
+        suffix = upload_suffix(name)
         with self._lock:
             self._delete_expired()
-            if len(self._uploads) >= MAX_UPLOADS:
-                raise UploadStoreFullError(f"{len(self._uploads)} uploads are stored; the limit is {MAX_UPLOADS}")
-        return self._folder / secrets.token_hex(8) / f"upload{PurePath(name).suffix.lower()}"
+            delete_abandoned(self._folder)
+            self._require_space()
+        return self._folder / secrets.token_hex(8) / f"upload{suffix}"
 
-    def add(self, name: str, path: Path, size: int) -> Upload:
-        """Register a file written at the path from `path_for`; UploadStoreFullError if there are too many."""
-        now = time.time()
-        upload = Upload(path.parent.name, name, path, size, now, now + self._retention_time)
+    def add(self, name: str, path: Path, size: int) -> UploadSchema:
+        """Register a file written at the path from `new_path`; ProblemError if there are too many."""
+        upload_id, now = path.parent.name, datetime.now(UTC)
+        upload = UploadSchema(
+            upload=upload_id,
+            name=name,
+            size_bytes=size,
+            uploaded_at=now,
+            expires_at=now + self._retention_time,
+            columns=f"{UPLOADS}/{upload_id}/columns",
+        )
         with self._lock:
-            if len(self._uploads) >= MAX_UPLOADS:
-                _delete_folder(path.parent)
-                raise UploadStoreFullError(f"{len(self._uploads)} uploads are stored; the limit is {MAX_UPLOADS}")
-            self._uploads[upload.id] = upload
+            try:
+                self._require_space()
+            except ProblemError:
+                shutil.rmtree(path.parent, ignore_errors=True)
+                raise
+            self._uploads[upload_id] = upload
         return upload
 
-    def list_uploads(self) -> tuple[Upload, ...]:
+    def list_uploads(self) -> tuple[UploadSchema, ...]:
         """Return all uploads, the newest first."""
         with self._lock:
             self._delete_expired()
             return tuple(reversed(self._uploads.values()))
 
-    def upload(self, upload_id: str) -> Upload:
-        """Return an upload by its id; UploadNotFoundError if there is none."""
+    def upload(self, upload_id: str) -> UploadSchema:
+        """Return an upload by its id; ProblemError if there is none."""
         with self._lock:
             self._delete_expired()
-            return self._find(upload_id)
+            if upload_id not in self._uploads:
+                raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, f"no upload has the id {upload_id[:40]!r}")
+            return self._uploads[upload_id]
 
-    def delete(self, upload_id: str) -> Upload:
-        """Delete an upload and return it."""
+    def path(self, upload: UploadSchema) -> Path:
+        """Return the path of an upload's file."""
+        return self._folder / upload.upload / f"upload{upload_suffix(upload.name)}"
+
+    def delete(self, upload_id: str) -> UploadSchema:
+        """Delete an upload and return it; ProblemError if there is none."""
+        upload = self.upload(upload_id)
         with self._lock:
-            upload = self._find(upload_id)
-            self._delete(upload)
+            self._delete(upload_id)
         return upload
 
     def close(self) -> None:
         """Delete all uploads."""
         with self._lock:
-            for upload in tuple(self._uploads.values()):
-                self._delete(upload)
+            for upload_id in tuple(self._uploads):
+                self._delete(upload_id)
 
-    def _find(self, upload_id: str) -> Upload:
-        if upload_id not in self._uploads:
-            raise UploadNotFoundError(f"no upload has the id {upload_id[:40]!r}")
-        return self._uploads[upload_id]
+    def _require_space(self) -> None:
+        if len(self._uploads) >= MAX_UPLOADS:
+            detail = f"{len(self._uploads)} uploads are stored; the limit is {MAX_UPLOADS}"
+            raise ProblemError(ProblemType.TOO_MANY_UPLOADS, detail)
 
     def _delete_expired(self) -> None:
-        """Delete expired uploads, and files left behind by killed services."""
-        now = time.time()
-        for upload in tuple(self._uploads.values()):
-            if now >= upload.expires:
-                self._delete(upload)
-        for folder in self._folder.glob("*"):
-            try:
-                is_old = now - folder.stat().st_mtime > ABANDONED_AFTER
-            except OSError:  # another service has deleted it meanwhile
-                continue
-            if is_old and folder.name not in self._uploads:
-                _delete_folder(folder)
+        now = datetime.now(UTC)
+        for upload_id in [each.upload for each in self._uploads.values() if now >= each.expires_at]:
+            self._delete(upload_id)
 
-    def _delete(self, upload: Upload) -> None:
-        del self._uploads[upload.id]
-        _delete_folder(upload.path.parent)
-
-
-def _delete_folder(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
+    def _delete(self, upload_id: str) -> None:
+        self._uploads.pop(upload_id, None)
+        shutil.rmtree(self._folder / upload_id, ignore_errors=True)
 
 
 DISK_RESERVE: Final = 1024**3  # bytes that stay free on the disk

@@ -77,6 +77,10 @@ class Catalogue:
         self._lock = threading.Lock()
         self._cache: dict[str, CachedRun] = {}
 
+    def __reduce__(self) -> tuple[type["Catalogue"], tuple[Path, str]]:
+        """Return the class and its arguments: another process opens the catalogue again."""
+        return Catalogue, (self.folder, self.url)
+
     def runs(self) -> list[RunEntry]:
         """Return all runs, newest first; an unreadable file is listed with its fault.
 

@@ -14,7 +14,7 @@ import pytest
 
 from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
-from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.jobs.queue import JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.service.state import ServiceState
@@ -80,7 +80,7 @@ def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
         before.close()
         catalogue = Catalogue(folder)
         summaries = Summaries(catalogue, predictors, results.summary)
-        state = ServiceState(catalogue, live, summaries, results, JobQueue(CatalogueLocation(folder)))
+        state = ServiceState(catalogue, live, summaries, results, JobQueue(Catalogue(folder)))
         server = ServiceServer(create_app(state), closing=state.closing)
         server.start()
         httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/order-vectors", timeout=60.0)

@@ -1,19 +1,26 @@
 """Job queue: one job at a time in a worker process, with progress, cancellation and results for an hour."""
 
 import logging
+import queue
 import secrets
 import shutil
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self, TypeAlias
+from typing import Final, Self
 
 from analysis.signals.errors import AnalysisError
 from daq.errors import RigError
+from daq.schemas.units import Schema
+from daq.service.jobs.schemas import JOBS, JobRequest, JobSchema, JobState
+from daq.service.problem_types import ProblemType
+from daq.service.problems import ProblemError
+from daq.service.uploads import delete_abandoned
 from daq.session.processes import WorkerProcess
 from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
@@ -23,145 +30,43 @@ MAX_UNFINISHED_JOBS: Final = 8
 MAX_JOBS: Final = 32
 RETENTION_TIME: Final = 3600.0  # s after a job's end until it and its result are deleted
 JOB_TIME_LIMIT: Final = 6 * 3600.0  # s for one job
-CLEANUP_INTERVAL: Final = 60.0  # s between two deletions of expired jobs
-ABANDONED_AFTER: Final = 24 * 3600.0  # s: older results were left behind by a killed service
+CLEANUP_INTERVAL: Final = 60.0  # s without a job until the process ends
 JOIN_TIMEOUT: Final = 5.0  # s
 NICENESS: Final = 15  # increase, of the worker process: below the acquisition and the live view
+REPORT_INTERVAL: Final = 0.1  # s between two progress reports of one step
 
 logger = logging.getLogger(__name__)
 
 
-class JobNotFoundError(LookupError):
-    """No job has this id."""
-
-
-class JobQueueFullError(RuntimeError):
-    """Too many jobs are waiting, or the service is shutting down."""
-
-
-class JobState(StrEnum):
-    """State of a job."""
-
-    WAITING = "waiting"
-    RUNNING = "running"
-    DONE = "done"
-    FAILED = "failed"
-    CANCELLED = "cancelled"
-
-    @property
-    def is_final(self) -> bool:
-        """Whether the job has ended."""
-        return self not in {JobState.WAITING, JobState.RUNNING}
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Progress of a job.
-
-    Parameters
-    ----------
-    step : str
-        Current step, in words.
-    fraction : float or None
-        Completed fraction of the step, 0 to 1; None if unknown.
-    """
-
-    step: str
-    fraction: float | None = None
-
-
-ReportProgress: TypeAlias = Callable[[Progress], None]
-
-
 @dataclass(frozen=True, slots=True)
 class Task:
-    """The function that a job runs, its arguments and its result file.
+    """What a job does.
 
     Parameters
     ----------
-    kind, description : str
-        Kind of job, and its description in words.
-    run : str
-        Id of its run; empty if it concerns none.
+    request : JobRequest
+        The request.
+    description : str
+        Description in words.
     work : callable
-        A module-level function of a `ReportProgress`, the result file's path, and ``arguments``.
-    arguments : tuple
-        Further arguments; all can be pickled.
+        Function of a `ProgressCallback`, the result file's path, the catalogue and the request, which can be pickled.
+        It writes the file, or returns the content.
     file : str
         Name of the result file; its suffix gives the format.
     """
 
-    kind: str
+    request: JobRequest
     description: str
-    run: str
-    work: Callable[..., None]
-    arguments: tuple[object, ...]
+    work: Callable[..., Schema | bytes | None]
     file: str
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """State of a job at one time; times are wall clock, s since 1970.
-
-    Parameters
-    ----------
-    id : str
-        Its random id.
-    task : Task
-        Its task.
-    state : JobState
-        Its state.
-    submitted, started, ended : float
-        Time of the request, of the start and of the end; 0 if not yet.
-    progress : Progress
-        Its progress.
-    error : str
-        Why it failed.
-    result : Path or None
-        Result file of a completed job.
-    """
-
-    id: str
-    task: Task
-    state: JobState
-    submitted: float
-    started: float = 0.0
-    ended: float = 0.0
-    progress: Progress = Progress("")
-    error: str = ""
-    result: Path | None = None
-
-    def as_cancelled(self) -> Self:
-        """Return the job in the state after cancellation; a job that has ended is unchanged."""
-        return self if self.state.is_final else replace(self, state=JobState.CANCELLED, ended=time.time())
-
-
-@dataclass(frozen=True, slots=True)
-class CatalogueLocation:
-    """Picklable location of a catalogue, for worker processes.
-
-    Parameters
-    ----------
-    folder : Path
-        The data folder.
-    url : str
-        URL of the catalogue's database, as for `Catalogue`.
-    """
-
-    folder: Path
-    url: str = ""
-
-    def catalogue(self) -> Catalogue:
-        """Open the catalogue."""
-        return Catalogue(self.folder, self.url)
-
-
 class JobQueue:
-    """Runs jobs one after the other in a low-priority process; cancelling a job kills that process.
+    """Runs jobs one after the other in a low-priority process; cancelling a job ends that process.
 
     Parameters
     ----------
-    location : CatalogueLocation
+    catalogue : Catalogue
         The runs; results are in the folder `.rig/jobs` beside them.
     retention_time : float
         Time from the end of a job until its deletion, s.
@@ -170,145 +75,146 @@ class JobQueue:
     """
 
     def __init__(
-        self, location: CatalogueLocation, retention_time: float = RETENTION_TIME, time_limit: float = JOB_TIME_LIMIT
+        self, catalogue: Catalogue, retention_time: float = RETENTION_TIME, time_limit: float = JOB_TIME_LIMIT
     ) -> None:
-        self.location = location
-        self._folder = location.folder / ".rig" / "jobs"
+        self._catalogue = catalogue
+        self._folder = catalogue.folder / ".rig" / "jobs"
         self._retention_time = retention_time
         self._time_limit = time_limit
-        self._changed = threading.Condition()
-        self._jobs: dict[str, Job] = {}  # in order of submission
+        self._lock = threading.RLock()
+        self._jobs: dict[str, JobSchema] = {}  # in order of submission
+        self._tasks: dict[str, Task] = {}
+        self._waiting: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._worker = WorkerProcess(NICENESS)
         self._running = ""
-        self._thread: threading.Thread | None = None
-        self._is_stopped = False
+        self._thread = threading.Thread(target=self._run_jobs, name="jobs", daemon=True)
+        self._is_closed = False
 
-    def submit(self, task: Task) -> Job:
-        """Queue a job and return it; JobQueueFullError if too many are waiting."""
-        with self._changed:
+    def submit(self, task: Task) -> JobSchema:
+        """Queue a job and return it; ProblemError if too many are waiting."""
+        with self._lock:
             self._delete_expired(reserve=1)
             unfinished = sum(not job.state.is_final for job in self._jobs.values())
-            if self._is_stopped or unfinished >= MAX_UNFINISHED_JOBS:
-                raise JobQueueFullError(f"{unfinished} jobs are running or waiting; the limit is {MAX_UNFINISHED_JOBS}")
-            job = Job(secrets.token_hex(8), task, JobState.WAITING, time.time())
-            self._jobs[job.id] = job
-            if self._thread is None:
-                self._thread = threading.Thread(target=self._run_jobs, name="jobs", daemon=True)
+            if self._is_closed or unfinished >= MAX_UNFINISHED_JOBS:
+                detail = f"{unfinished} jobs are running or waiting; the limit is {MAX_UNFINISHED_JOBS}"
+                raise ProblemError(ProblemType.TOO_MANY_JOBS, detail)
+            job = _waiting_job(task)
+            self._jobs[job.job], self._tasks[job.job] = job, task
+            if self._thread.ident is None:
                 self._thread.start()
-            self._changed.notify_all()
+            self._waiting.put(job.job)
             return job
 
-    def list_jobs(self) -> tuple[Job, ...]:
+    def list_jobs(self) -> tuple[JobSchema, ...]:
         """Return all jobs, the newest first."""
-        with self._changed:
+        with self._lock:
             self._delete_expired()
             return tuple(reversed(self._jobs.values()))
 
-    def job(self, job_id: str) -> Job:
-        """Return a job by its id; JobNotFoundError if there is none."""
-        with self._changed:
+    def job(self, job_id: str) -> JobSchema:
+        """Return a job by its id; ProblemError if there is none."""
+        with self._lock:
             self._delete_expired()
             if job_id not in self._jobs:
-                raise JobNotFoundError(f"no job has the id {job_id[:40]!r}")
+                raise ProblemError(ProblemType.JOB_NOT_FOUND, f"no job has the id {job_id[:40]!r}")
             return self._jobs[job_id]
 
-    def delete(self, job_id: str) -> Job:
-        """Cancel a job if it has not ended, delete it with its result, and return its last state."""
-        with self._changed:
+    def result_file(self, job_id: str) -> Path:
+        """Return the result file of a job; ProblemError if there is none."""
+        with self._lock:
             job = self.job(job_id)
-            del self._jobs[job_id]
+            if job.result is None:
+                raise ProblemError(ProblemType.NO_RESULT, job.detail or f"job {job_id} is {job.state.value}")
+            return self._folder / job_id / self._tasks[job_id].file
+
+    def delete(self, job_id: str) -> JobSchema:
+        """Cancel a job if it has not ended, delete it with its result, and return its last state."""
+        with self._lock:
+            job = self.job(job_id)
+            self._remove(job_id)
             running = self._worker if self._running == job_id else None
-        if running is None:
-            self._discard(job_id)
-        else:
+        if running is not None:
             running.close()  # the next job gets another one
-        return job.as_cancelled()
+        return cancelled(job)
 
     def close(self) -> None:
         """Cancel the running job, wait for its end, and delete all results; further jobs are refused."""
-        with self._changed:
-            self._is_stopped = True
-            self._changed.notify_all()
+        with self._lock:
+            self._is_closed = True
         self._worker.close()
-        if self._thread is not None:
+        self._waiting.put("")
+        if self._thread.ident is not None:
             self._thread.join(JOIN_TIMEOUT)
-        with self._changed:
-            for job_id in self._jobs:
-                self._discard(job_id)
-            self._jobs.clear()
+        with self._lock:
+            for job_id in tuple(self._jobs):
+                self._remove(job_id)
 
     def _run_jobs(self) -> None:
         """Run one job after the other: the body of the thread."""
-        self._delete_abandoned()
-        while (job := self._wait_for_job()) is not None:
-            self._run_job(job)
-            with self._changed:
-                self._running = ""
-                if job.id not in self._jobs:  # it was cancelled, and its process ended with it
-                    self._discard(job.id)
-                    if not self._is_stopped:
-                        self._worker = WorkerProcess(NICENESS)
-
-    def _wait_for_job(self) -> Job | None:
-        """Wait for a job, mark it as running and return it; None when the queue is stopped."""
-        with self._changed:
-            while not self._is_stopped:
-                waiting = [job for job in self._jobs.values() if job.state is JobState.WAITING]
-                if waiting:
-                    job = replace(waiting[0], state=JobState.RUNNING, started=time.time())
-                    self._jobs[job.id] = job
-                    self._running = job.id
-                    return job
-                if not self._changed.wait(CLEANUP_INTERVAL):
+        delete_abandoned(self._folder)
+        while not self._is_closed:
+            try:
+                job_id = self._waiting.get(timeout=CLEANUP_INTERVAL)
+            except queue.Empty:
+                with self._lock:
                     self._delete_expired()
-                    self._worker.kill()  # frees its memory; the next job starts it again
-        return None
+                self._worker.kill()  # frees its memory; the next job starts it again
+            else:
+                self._run_job(job_id)
 
-    def _run_job(self, job: Job) -> None:
+    def _run_job(self, job_id: str) -> None:
         """Run a job and store its outcome."""
-
-        def on_progress(progress: Progress) -> None:
-            self._update(job.id, progress=progress)
-
-        target = self._folder / job.id / job.task.file
+        with self._lock:
+            if self._is_closed or job_id not in self._jobs:  # it was cancelled
+                return
+            task, worker, self._running = self._tasks[job_id], self._worker, job_id
+            self._update(job_id, state=JobState.RUNNING, started_at=datetime.now(UTC))
+        target = self._folder / job_id / task.file
         try:
             _create_folder(target.parent)
-            arguments = (target, *job.task.arguments)
-            self._worker.run(job.task.work, *arguments, time_limit=self._time_limit, on_progress=on_progress)
+            worker.run(
+                perform, task, target, self._catalogue,
+                time_limit=self._time_limit, on_progress=partial(self._set_progress, job_id),
+            )  # fmt: skip
         except (RigError, RecordingError, AnalysisError, ModelError) as error:
-            self._update(job.id, state=JobState.FAILED, ended=time.time(), error=str(error))
+            outcome: dict[str, object] = {"state": JobState.FAILED, "detail": str(error)}
         except Exception as error:  # the next job must run regardless
-            logger.exception("job %s (%s) failed", job.id, job.task.description)
-            message = f"internal error: {type(error).__name__}; see the service's log"
-            self._update(job.id, state=JobState.FAILED, ended=time.time(), error=message)
+            logger.exception("job %s (%s) failed", job_id, task.description)
+            detail = f"internal error: {type(error).__name__}; see the service's log"
+            outcome = {"state": JobState.FAILED, "detail": detail}
         else:
-            self._update(job.id, state=JobState.DONE, ended=time.time(), progress=Progress("done", 1.0), result=target)
+            result = f"{JOBS}/{job_id}/result"
+            outcome = {"state": JobState.DONE, "progress": 1.0, "step": "done", "result": result}
+        with self._lock:
+            self._running = ""
+            self._update(job_id, ended_at=datetime.now(UTC), **outcome)
+            if job_id not in self._jobs:  # it was cancelled, and its process ended with it
+                shutil.rmtree(target.parent, ignore_errors=True)
+                if not self._is_closed:
+                    self._worker = WorkerProcess(NICENESS)
+
+    def _set_progress(self, job_id: str, step: str, fraction: float | None) -> None:
+        self._update(job_id, step=step, progress=fraction)
 
     def _update(self, job_id: str, **changes: object) -> None:
-        with self._changed:
+        """Change a job unless it has been deleted."""
+        with self._lock:
             if job_id in self._jobs:
-                self._jobs[job_id] = replace(self._jobs[job_id], **changes)  # type: ignore[arg-type]  # names are Job's
+                self._jobs[job_id] = self._jobs[job_id].model_copy(update=changes)
 
     def _delete_expired(self, reserve: int = 0) -> None:
         """Delete expired jobs, and the oldest ended ones above the limit."""
-        ended = sorted((job for job in self._jobs.values() if job.state.is_final), key=lambda job: job.ended)
-        too_many = len(self._jobs) + reserve - MAX_JOBS
-        for index, job in enumerate(ended):
-            if index < too_many or time.time() - job.ended > self._retention_time:
-                del self._jobs[job.id]
-                self._discard(job.id)
+        now, too_many = datetime.now(UTC), len(self._jobs) + reserve - MAX_JOBS
+        ended = sorted((job.ended_at, job_id) for job_id, job in self._jobs.items() if job.ended_at is not None)
+        for index, (ended_at, job_id) in enumerate(ended):
+            if index < too_many or (now - ended_at).total_seconds() > self._retention_time:
+                self._remove(job_id)
 
-    def _discard(self, job_id: str) -> None:
-        shutil.rmtree(self._folder / job_id, ignore_errors=True)
-
-    def _delete_abandoned(self) -> None:
-        """Delete results left behind by killed services."""
-        for folder in self._folder.glob("*"):
-            try:
-                if time.time() - folder.stat().st_mtime > ABANDONED_AFTER:
-                    shutil.rmtree(folder, ignore_errors=True)
-            except OSError:  # another service has deleted it meanwhile
-                continue
+    def _remove(self, job_id: str) -> None:
+        """Remove a job with its result."""
+        del self._jobs[job_id], self._tasks[job_id]
+        if job_id != self._running:
+            shutil.rmtree(self._folder / job_id, ignore_errors=True)
 
     def __enter__(self) -> Self:
         return self
@@ -317,6 +223,53 @@ class JobQueue:
         self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _waiting_job(task: Task) -> JobSchema:
+    """Return a new job with a random id."""
+    job_id = secrets.token_hex(8)
+    return JobSchema(
+        job=job_id,
+        kind=task.request.kind,
+        description=task.description,
+        run=getattr(task.request, "run", None),
+        state=JobState.WAITING,
+        progress=None,
+        step="",
+        detail="",
+        created_at=datetime.now(UTC),
+        started_at=None,
+        ended_at=None,
+        events=f"{JOBS}/{job_id}/events",
+        result=None,
+    )
+
+
+def cancelled(job: JobSchema) -> JobSchema:
+    """Return a job in the state after its cancellation; one that has ended is unchanged."""
+    if job.state.is_final:
+        return job
+    return job.model_copy(update={"state": JobState.CANCELLED, "ended_at": datetime.now(UTC)})
+
+
+def perform(report: Callable[[str, float | None], None], task: Task, target: Path, catalogue: Catalogue) -> None:
+    """Do the work of a job, in its process; report each step and, at limited rate, its completed fraction."""
+    last_step, reported_at = "", 0.0
+
+    def report_progress(step: str, fraction: float | None) -> None:
+        nonlocal last_step, reported_at
+        now = time.monotonic()
+        if step != last_step or now - reported_at >= REPORT_INTERVAL:
+            last_step, reported_at = step, now
+            report(step, fraction)
+
+    content = task.work(report_progress, target, catalogue, task.request)
+    if content is None:
+        return
+    try:
+        target.write_bytes(content if isinstance(content, bytes) else content.model_dump_json().encode())
+    except OSError as error:
+        raise StorageError(f"{target.name}: cannot be written: {error.strerror or error}") from error
 
 
 def _create_folder(folder: Path) -> None:

@@ -1,65 +1,85 @@
 """Request and response schemas of jobs."""
 
-from collections.abc import Sequence
-from datetime import UTC, datetime
+import json
+from collections.abc import Callable, Collection, Mapping
+from datetime import datetime
 from enum import StrEnum
+from functools import partial
 from typing import Annotated, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, WithJsonSchema
+from pydantic_core import ErrorDetails
 
 from daq.config.calibration import CalibrationRecord
-from daq.reports.parameters import MAX_TIME
+from daq.config.import_mapping import ChannelMapping
+from daq.reports.parameters import (
+    MAX_TIME,
+    FrameQuery,
+    QueryParameters,
+    RecordedCascadeQuery,
+    RecordedWaterfallQuery,
+    TrendQuery,
+)
 from daq.reports.registry import KINDS
 from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
-from daq.service.jobs.queue import Job, JobState
-from daq.service.schemas.uploads import ImportRequest, validate_as_file
 from recordings.exchange.formats import EXPORT_FORMATS
 
 JOBS = "/api/v1/jobs"
 
 ParameterValue: TypeAlias = str | float | bool | None
 
-
-class RecordedResult(StrEnum):
-    """Path of a recorded result below `/api/v1/runs/{run}/`."""
-
-    SUMMARY = "summary"
-    ORDER_VECTORS = "order-vectors"
-    FINDINGS = "findings"
-    TREND = "trend"
-    CASCADE = "cascade"
-    WATERFALL = "waterfall"
-    ORDER_SPECTRUM = "order-spectrum"
-    FULL_SPECTRUM = "full-spectrum"
-    ORBIT = "orbit"
-
-
 ANALYSIS_PREFIX: Final = "analyses/"
-RESULT_PATHS: Final = (*RecordedResult, *(f"{ANALYSIS_PREFIX}{kind}" for kind in KINDS))
+RESULT_QUERIES: Final[Mapping[str, type[QueryParameters]]] = {
+    **dict.fromkeys(("summary", "order-vectors", "findings"), QueryParameters),
+    "trend": TrendQuery,
+    "cascade": RecordedCascadeQuery,
+    "waterfall": RecordedWaterfallQuery,
+    **dict.fromkeys(("order-spectrum", "full-spectrum", "orbit"), FrameQuery),
+    **{f"{ANALYSIS_PREFIX}{name}": kind.parameters for name, kind in KINDS.items()},
+}
+"""Results by their path below `/api/v1/runs/{run}/`, with the query parameters of each."""
 EXPORT_SUFFIXES: Final = tuple(suffix.removeprefix(".") for suffix in EXPORT_FORMATS)
 
 
-def one_of(values: Sequence[str]) -> AfterValidator:
-    """Return a validator that accepts only these values."""
-
-    def check(value: str) -> str:
-        if value not in values:
-            raise ValueError(f"{value!r}: expected one of {', '.join(values)}")
-        return value
-
-    return AfterValidator(check)
+def _require_one_of(values: Collection[str], value: str) -> str:
+    """Return a value; ValueError unless it is one of these."""
+    if value not in values:
+        raise ValueError(f"{value!r}: expected one of {', '.join(values)}")
+    return value
 
 
-def choice_schema(values: Sequence[str]) -> WithJsonSchema:
-    """Return the JSON schema of a choice of these values."""
-    return WithJsonSchema({"type": "string", "enum": list(values)})
+ResultPath: TypeAlias = Annotated[
+    str,
+    AfterValidator(partial(_require_one_of, RESULT_QUERIES)),
+    WithJsonSchema({"type": "string", "enum": list(RESULT_QUERIES)}),
+]
+ExportFormat: TypeAlias = Annotated[
+    str,
+    AfterValidator(partial(_require_one_of, EXPORT_SUFFIXES)),
+    WithJsonSchema({"type": "string", "enum": list(EXPORT_SUFFIXES)}),
+]
 
 
-ResultPath: TypeAlias = Annotated[str, one_of(RESULT_PATHS), choice_schema(RESULT_PATHS)]
-ExportFormat: TypeAlias = Annotated[str, one_of(EXPORT_SUFFIXES), choice_schema(EXPORT_SUFFIXES)]
+def validate_as_file(model: type[BaseModel]) -> Callable[[object], object]:
+    """Return a validator that treats a value as the content of a file; its ValueError names every error."""
+
+    def validate(value: object) -> object:
+        try:
+            return model.model_validate_json(json.dumps(value), strict=True)
+        except ValidationError as error:
+            raise ValueError("; ".join(map(_error_text, error.errors()))) from error
+
+    return validate
+
+
+def _error_text(fault: ErrorDetails) -> str:
+    return f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].removeprefix('Value error, ')}"
+
+
+CalibrationFile: TypeAlias = Annotated[CalibrationRecord, BeforeValidator(validate_as_file(CalibrationRecord))]
 
 
 class ExportContent(StrEnum):
@@ -86,7 +106,7 @@ class ReanalysisRequest(Schema):
 
     kind: Literal["reanalysis"]
     run: RunId
-    calibrations: dict[str, Annotated[CalibrationRecord, BeforeValidator(validate_as_file(CalibrationRecord))]] = Field(
+    calibrations: dict[str, CalibrationFile] = Field(
         default_factory=dict,
         description="By name of the probe's channel, each with the content of a calibration file",
         examples=[{}],
@@ -157,12 +177,65 @@ class IndexRequest(Schema):
     )
 
 
+MAX_TOML_LENGTH = 200_000  # characters
+
+
+class RigFromRun(Schema):
+    """The rig of a recorded run: channels, calibrations, tacho and limits at the time of recording."""
+
+    source: Literal["run"]
+    run: RunId
+
+
+class RigFromToml(Schema):
+    """A rig as TOML text; files that the text names are not read."""
+
+    source: Literal["toml"]
+    toml: str = Field(description="Content of a rig.toml", max_length=MAX_TOML_LENGTH, examples=['rig = "gj90c"\n…'])
+    calibrations: dict[str, CalibrationFile] = Field(
+        default_factory=dict,
+        description="By name of the probe's channel, each with the content of a calibration file; they replace the "
+        "files that the text names",
+        examples=[{}],
+    )
+
+
+class ImportRequest(Schema):
+    """Import an uploaded file as a run, as `rig import` does; the result is the run."""
+
+    kind: Literal["import"]
+    upload: str = Field(description="Id of the upload", max_length=200, examples=["5d41402abc4b2a76"])
+    rig: Annotated[RigFromRun | RigFromToml, Field(discriminator="source")] = Field(
+        description="The rig that the channels belong to",
+        examples=[{"source": "run", "run": "2026-11-24T09-12-07-gj90c"}],
+    )
+    mapping: Annotated[ChannelMapping, BeforeValidator(validate_as_file(ChannelMapping))] = Field(
+        description="Columns of the channels: the content of a mapping file of `rig import`",
+        examples=[{"channel": {"x": {"source": "Kaman 1", "unit": "V"}}}],
+    )
+
+
 RunJobRequest: TypeAlias = (
     ResultRequest | ReanalysisRequest | PredictionRequest | ExportRequest | VerificationRequest | RecoveryRequest
 )
 JobRequest: TypeAlias = Annotated[
     RunJobRequest | IndexRequest | ImportRequest | StudyRequest, Field(discriminator="kind")
 ]
+
+
+class JobState(StrEnum):
+    """State of a job."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def is_final(self) -> bool:
+        """Whether the job has ended."""
+        return self not in {JobState.WAITING, JobState.RUNNING}
 
 
 class JobSchema(Schema):
@@ -209,27 +282,3 @@ class PredictionMapSchema(Schema):
     by_speed: tuple[PredictedVibrationSchema, ...] = Field(
         description="In ascending order of speed, about every 250 r/min"
     )
-
-
-def job_schema(job: Job) -> JobSchema:
-    """Return the schema of a job."""
-    location = f"{JOBS}/{job.id}"
-    return JobSchema(
-        job=job.id,
-        kind=job.task.kind,
-        description=job.task.description,
-        run=job.task.run or None,
-        state=job.state,
-        progress=job.progress.fraction,
-        step=job.progress.step,
-        detail=job.error,
-        created_at=_utc(job.submitted),
-        started_at=_utc(job.started) if job.started else None,
-        ended_at=_utc(job.ended) if job.ended else None,
-        events=f"{location}/events",
-        result=f"{location}/result" if job.result is not None else None,
-    )
-
-
-def _utc(seconds: float) -> datetime:
-    return datetime.fromtimestamp(seconds, UTC)

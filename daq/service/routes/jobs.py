@@ -1,255 +1,194 @@
 """Routes of jobs: create, list, follow, cancel, and download results."""
 
 import asyncio
-import threading
 from collections.abc import AsyncIterator
 from functools import partial
-from typing import Annotated, Final, Protocol
+from typing import Annotated, Any, Final
 
 from anyio import to_thread
-from fastapi import Body, Path, Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi import APIRouter, Body, Path, Request, Response
+from fastapi.responses import FileResponse, StreamingResponse
 
 from daq.errors import ConfigError
 from daq.schemas.study import RotorStudyRequest
-from daq.service.jobs.imports import import_task, rig_from_toml, rig_of_run
-from daq.service.jobs.queue import Job, JobNotFoundError, JobQueue, JobQueueFullError, Task
-from daq.service.jobs.schemas import IndexRequest, JobListSchema, JobRequest, JobSchema, job_schema
-from daq.service.jobs.studies import study_task
-from daq.service.jobs.tasks import header_of, index_task, run_task
+from daq.service.jobs.queue import Task, cancelled
+from daq.service.jobs.schemas import (
+    ImportRequest,
+    IndexRequest,
+    JobListSchema,
+    JobRequest,
+    JobSchema,
+    RigFromRun,
+)
+from daq.service.jobs.tasks import header_of, import_task, index_task, rig_from_toml, rig_of_run, run_task, study_task
 from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
-from daq.service.responses import NOT_MODIFIED, OCTET_STREAM, file_response
+from daq.service.problems import ProblemError, problems
+from daq.service.responses import BINARY, NOT_MODIFIED, OCTET_STREAM, file_response
 from daq.service.routes.analyses import PLOT_SCHEMAS, PLOT_TYPES
-from daq.service.routing import API_PREFIX, EVENT_STREAM, Routing, event_stream
-from daq.service.schemas.uploads import ImportRequest, RigFromRun, RigFromToml
-from daq.service.state import BoundedThreadPool
-from daq.service.stream import LiveRun, require_ended
-from daq.service.uploads import UploadNotFoundError, UploadStore
-from recordings.catalogue.catalogue import RunEntry
+from daq.service.routing import API_PREFIX, BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
+from daq.service.state import ServiceState, State, ended_run
 
 POLL_INTERVAL: Final = 0.2  # s
 KEEP_ALIVE_INTERVAL: Final = 15.0  # s without a change until a comment shows that the service is alive
 MAX_FOLLOWERS: Final = 16
-BINARY_CONTENT: Final = {"schema": {"type": "string", "format": "binary"}}
-JSON_CONTENT: Final = {"schema": {"type": "object"}}
-
 MEDIA_TYPES: Final = {"json": "application/json", **PLOT_TYPES}
-RESULT_CONTENT: Final = {
-    "application/json": JSON_CONTENT,
-    OCTET_STREAM: BINARY_CONTENT,
-    **{media_type: {"schema": PLOT_SCHEMAS[form]} for form, media_type in PLOT_TYPES.items()},
+RESULT_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "description": "The result",
+        "content": {
+            "application/json": {"schema": {"type": "object"}},
+            OCTET_STREAM: BINARY,
+            **{media_type: {"schema": PLOT_SCHEMAS[form]} for form, media_type in PLOT_TYPES.items()},
+        },
+    },
+    206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY}},
+    **NOT_MODIFIED,
 }
+JOB_PROBLEMS: Final = (ProblemType.JOB_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
 
 JobId = Annotated[str, Path(description="Id of the job, from /api/v1/jobs", examples=["9f3c0f6e2d1b4a57"])]
 
-
-class Catalogue(Protocol):
-    """The runs of a data folder."""
-
-    def run(self, run_id: str) -> RunEntry:
-        """Return one run; NotFoundError if there is none."""
-        ...
+router = APIRouter(tags=["jobs"], route_class=JsonRoute)
 
 
-class JobRoutes:
-    """Routes of jobs.
+@router.post(
+    "/jobs",
+    status_code=202,
+    summary="Create a job",
+    responses=problems(
+        ProblemType.RUN_NOT_FOUND,
+        ProblemType.UPLOAD_NOT_FOUND,
+        ProblemType.RUN_UNDER_WAY,
+        ProblemType.RUN_DAMAGED,
+        ProblemType.TOO_MANY_JOBS,
+        ProblemType.BUSY,
+        ProblemType.STORAGE_UNAVAILABLE,
+        *BODY_PROBLEMS,
+    ),
+)
+async def create_job(state: State, request: Annotated[JobRequest, Body()], response: Response) -> JobSchema:
+    """Queue work that takes longer than a request may, and respond at once; `Location` is the job's URL.
 
-    Parameters
-    ----------
-    catalogue : Catalogue
-        The runs that jobs process.
-    live : LiveRun
-        The current run, which jobs cannot process.
-    jobs : JobQueue
-        Runs the jobs.
-    uploads : UploadStore
-        Uploaded files for import.
-    closing : Event
-        Ends the event streams of all jobs.
+    One job runs at a time, in a low-priority process that does not disturb a recording; at most 8 are queued.
+    Job and result are deleted an hour after its end; at most 32 are stored.
     """
-
-    def __init__(
-        self, catalogue: Catalogue, live: LiveRun, jobs: JobQueue, uploads: UploadStore, closing: threading.Event
-    ) -> None:
-        self._uploads = uploads
-        self._catalogue = catalogue
-        self._live = live
-        self._jobs = jobs
-        self._lookup_threads = BoundedThreadPool(threads=2, waiting=32)
-        self._followers = 0
-        self._closing = closing
-
-    def add_to(self, routing: Routing) -> None:
-        """Add the routes."""
-        routing.add(
-            "POST /jobs",
-            self.create,
-            "create_job",
-            "jobs",
-            "Create a job",
-            ProblemType.RUN_NOT_FOUND,
-            ProblemType.UPLOAD_NOT_FOUND,
-            ProblemType.RUN_UNDER_WAY,
-            ProblemType.RUN_DAMAGED,
-            ProblemType.TOO_MANY_JOBS,
-            ProblemType.BUSY,
-            ProblemType.STORAGE_UNAVAILABLE,
-            status=202,
-        )
-        routing.add("/jobs", self.list_jobs, "list_jobs", "jobs", "List the jobs, newest first", ProblemType.BUSY)
-        job_problems = (ProblemType.JOB_NOT_FOUND, ProblemType.INVALID_PARAMETER, ProblemType.BUSY)
-        routing.add("/jobs/{job}", self.job, "get_job", "jobs", "State of a job", *job_problems)
-        routing.add(
-            "DELETE /jobs/{job}",
-            self.delete,
-            "delete_job",
-            "jobs",
-            "Cancel and delete a job",
-            *job_problems,
-            ProblemType.CROSS_SITE_REQUEST,
-        )
-        routing.add(
-            "/jobs/{job}/events",
-            self.events,
-            "stream_job",
-            "jobs",
-            "State of a job as server-sent events",
-            *job_problems,
-            responses=event_stream("job"),
-        )
-        routing.add(
-            "/jobs/{job}/result",
-            self.result,
-            "get_job_result",
-            "jobs",
-            "Result of a job",
-            *job_problems,
-            ProblemType.NO_RESULT,
-            ProblemType.RANGE_NOT_SATISFIABLE,
-            ProblemType.STORAGE_UNAVAILABLE,
-            responses={
-                200: {"description": "The result", "content": RESULT_CONTENT},
-                206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY_CONTENT}},
-                **NOT_MODIFIED,
-            },
-        )
-
-    async def create(self, request: Annotated[JobRequest, Body()], response: Response) -> JobSchema:
-        """Queue work that takes longer than a request may, and respond at once; `Location` is the job's URL.
-
-        One job runs at a time, in a low-priority process that does not disturb a recording; at most 8 are queued.
-        Job and result are deleted an hour after its end; at most 32 are stored.
-        """
-        task = await self._task(request)
-        try:
-            job = await self._lookup_threads.run(partial(self._jobs.submit, task))
-        except JobQueueFullError as error:
-            raise ProblemError(ProblemType.TOO_MANY_JOBS, str(error)) from error
-        response.headers["Location"] = f"{API_PREFIX}/jobs/{job.id}"
-        return job_schema(job)
-
-    async def _task(self, request: JobRequest) -> Task:
-        """Return the task of a job request."""
-        match request:
-            case IndexRequest():
-                return index_task(request, self._jobs.location)
-            case ImportRequest():
-                return await self._import(request)
-            case RotorStudyRequest():
-                return study_task(request, None if request.run is None else header_of(await self._run(request.run)))
-            case _:
-                return run_task(request, await self._run(request.run), self._jobs.location)
-
-    async def _import(self, request: ImportRequest) -> Task:
-        try:
-            upload = await self._lookup_threads.run(partial(self._uploads.upload, request.upload))
-            match request.rig:
-                case RigFromRun(run=run):
-                    rig = rig_of_run(header_of(await self._run(run)))
-                case RigFromToml() as text:
-                    rig = await self._lookup_threads.run(partial(rig_from_toml, text))
-            return import_task(request, upload, rig, self._jobs.location)
-        except UploadNotFoundError as error:
-            raise ProblemError(ProblemType.UPLOAD_NOT_FOUND, str(error)) from error
-        except ConfigError as error:
-            raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
-
-    async def _run(self, run: str) -> RunEntry:
-        """Return a run; ProblemError if it is still in progress."""
-        require_ended(self._live, run)
-        return await self._lookup_threads.run(partial(self._catalogue.run, run))
-
-    async def list_jobs(self) -> JobListSchema:
-        """List waiting, running and recently ended jobs."""
-        jobs = await self._lookup_threads.run(self._jobs.list_jobs)
-        return JobListSchema(jobs=tuple(map(job_schema, jobs)))
-
-    async def job(self, job: JobId) -> JobSchema:
-        """Return the job's state and progress, and the URL of its result once it is done."""
-        return job_schema(await self._find(job))
-
-    async def delete(self, job: JobId) -> JobSchema:
-        """Cancel the job if it has not ended, delete it with its result, and return its last state."""
-        try:
-            return job_schema(await self._lookup_threads.run(partial(self._jobs.delete, job)))
-        except JobNotFoundError as error:
-            raise ProblemError(ProblemType.JOB_NOT_FOUND, str(error)) from error
-
-    async def result(self, request: Request, job: JobId) -> Response:
-        """Return the job's result, JSON or an exported file, or with `Range` a byte range of it."""
-        found = await self._find(job)
-        if found.result is None:
-            raise ProblemError(ProblemType.NO_RESULT, found.error or f"job {job} is {found.state.value}")
-        media_type = MEDIA_TYPES.get(found.result.suffix.removeprefix("."), OCTET_STREAM)
-        try:
-            etag = f'"{job}"'
-            return await self._lookup_threads.run(partial(file_response, request, found.result, media_type, etag=etag))
-        except OSError as error:
-            raise ProblemError(
-                ProblemType.STORAGE_UNAVAILABLE, f"job {job}: its result file no longer exists"
-            ) from error
-
-    async def events(self, request: Request, job: JobId) -> Response:
-        """Send server-sent events of type `job` with the job's JSON as data, until the job ends."""
-        found = await self._find(job)
-        if request.scope.get("rig.head"):
-            return Response(media_type=EVENT_STREAM)
-        if self._followers >= MAX_FOLLOWERS or self._closing.is_set():
-            raise ProblemError(ProblemType.BUSY, f"{self._followers} clients follow jobs; the limit is {MAX_FOLLOWERS}")
-        return StreamingResponse(self._events(found), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
-
-    async def _events(self, job: Job) -> AsyncIterator[str]:
-        self._followers += 1
-        try:
-            yield _event_text(job)
-            idle_time = 0.0
-            while not job.state.is_final and not self._closing.is_set():
-                await asyncio.sleep(POLL_INTERVAL)
-                idle_time += POLL_INTERVAL
-                previous, job = job, await to_thread.run_sync(self._latest, job)
-                if job != previous:
-                    idle_time = 0.0
-                    yield _event_text(job)
-                elif idle_time >= KEEP_ALIVE_INTERVAL:
-                    idle_time = 0.0
-                    yield ": keep-alive\n\n"
-        finally:
-            self._followers -= 1
-
-    def _latest(self, job: Job) -> Job:
-        """Return the current state of a job; a deleted one as cancelled."""
-        try:
-            return self._jobs.job(job.id)
-        except JobNotFoundError:
-            return job.as_cancelled()
-
-    async def _find(self, job_id: str) -> Job:
-        try:
-            return await self._lookup_threads.run(partial(self._jobs.job, job_id))
-        except JobNotFoundError as error:
-            raise ProblemError(ProblemType.JOB_NOT_FOUND, str(error)) from error
+    job = await state.lookups.run(state.jobs.submit, await _task(state, request))
+    response.headers["Location"] = f"{API_PREFIX}/jobs/{job.job}"
+    return job
 
 
-def _event_text(job: Job) -> str:
-    return f"event: job\ndata: {job_schema(job).model_dump_json()}\n\n"
+async def _task(state: ServiceState, request: JobRequest) -> Task:
+    """Return the task of a job request."""
+    match request:
+        case IndexRequest():
+            return index_task(request)
+        case ImportRequest():
+            return await _import_task(state, request)
+        case RotorStudyRequest():
+            if request.run is not None:
+                header_of(await ended_run(state, request.run))
+            return study_task(request)
+        case _:
+            return run_task(request, await ended_run(state, request.run))
+
+
+async def _import_task(state: ServiceState, request: ImportRequest) -> Task:
+    upload = await state.lookups.run(state.uploads.upload, request.upload)
+    try:
+        if isinstance(request.rig, RigFromRun):
+            rig = rig_of_run(header_of(await ended_run(state, request.rig.run)))
+        else:
+            rig = await state.lookups.run(rig_from_toml, request.rig)
+        return import_task(request, upload, state.uploads.path(upload), rig)
+    except ConfigError as error:
+        raise ProblemError(ProblemType.INVALID_PARAMETER, str(error)) from error
+
+
+@router.get("/jobs", summary="List the jobs, newest first", responses=problems(ProblemType.BUSY))
+async def list_jobs(state: State) -> JobListSchema:
+    """List waiting, running and recently ended jobs."""
+    return JobListSchema(jobs=await state.lookups.run(state.jobs.list_jobs))
+
+
+@router.get("/jobs/{job}", summary="State of a job", responses=problems(*JOB_PROBLEMS))
+async def get_job(state: State, job: JobId) -> JobSchema:
+    """Return the job's state and progress, and the URL of its result once it is done."""
+    return await state.lookups.run(state.jobs.job, job)
+
+
+@router.delete(
+    "/jobs/{job}",
+    summary="Cancel and delete a job",
+    responses=problems(*JOB_PROBLEMS, ProblemType.CROSS_SITE_REQUEST),
+)
+async def delete_job(state: State, job: JobId) -> JobSchema:
+    """Cancel the job if it has not ended, delete it with its result, and return its last state."""
+    return await state.lookups.run(state.jobs.delete, job)
+
+
+@router.get(
+    "/jobs/{job}/events",
+    summary="State of a job as server-sent events",
+    response_class=StreamingResponse,
+    responses={**problems(*JOB_PROBLEMS), **event_stream("job")},
+)
+async def stream_job(state: State, request: Request, job: JobId) -> Response:
+    """Send server-sent events of type `job` with the job's JSON as data, until the job ends."""
+    found = await state.lookups.run(state.jobs.job, job)
+    if request.scope.get("rig.head"):
+        return Response(media_type=EVENT_STREAM)
+    if state.job_followers >= MAX_FOLLOWERS or state.closing.is_set():
+        raise ProblemError(ProblemType.BUSY, f"{state.job_followers} clients follow jobs; the limit is {MAX_FOLLOWERS}")
+    return StreamingResponse(_events(state, found), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
+
+
+async def _events(state: ServiceState, job: JobSchema) -> AsyncIterator[str]:
+    state.job_followers += 1
+    try:
+        yield _event_text(job)
+        idle_time = 0.0
+        while not job.state.is_final and not state.closing.is_set():
+            await asyncio.sleep(POLL_INTERVAL)
+            previous, job = job, await to_thread.run_sync(_latest, state, job)
+            idle_time = 0.0 if job != previous else idle_time + POLL_INTERVAL
+            if job != previous:
+                yield _event_text(job)
+            elif idle_time >= KEEP_ALIVE_INTERVAL:
+                idle_time = 0.0
+                yield ": keep-alive\n\n"
+    finally:
+        state.job_followers -= 1
+
+
+def _event_text(job: JobSchema) -> str:
+    return f"event: job\ndata: {job.model_dump_json()}\n\n"
+
+
+def _latest(state: ServiceState, job: JobSchema) -> JobSchema:
+    """Return the current state of a job; a deleted one as cancelled."""
+    try:
+        return state.jobs.job(job.job)
+    except ProblemError:
+        return cancelled(job)
+
+
+@router.get(
+    "/jobs/{job}/result",
+    summary="Result of a job",
+    response_class=FileResponse,
+    responses={
+        **problems(
+            *JOB_PROBLEMS, ProblemType.NO_RESULT, ProblemType.RANGE_NOT_SATISFIABLE, ProblemType.STORAGE_UNAVAILABLE
+        ),
+        **RESULT_RESPONSES,
+    },
+)
+async def get_job_result(state: State, request: Request, job: JobId) -> FileResponse:
+    """Return the job's result, JSON or an exported file, or with `Range` a byte range of it."""
+    path = await state.lookups.run(state.jobs.result_file, job)
+    media_type = MEDIA_TYPES.get(path.suffix.removeprefix("."), OCTET_STREAM)
+    try:
+        return await state.lookups.run(partial(file_response, request, path, media_type, etag=f'"{job}"'))
+    except OSError as error:
+        detail = f"job {job}: its result file no longer exists"
+        raise ProblemError(ProblemType.STORAGE_UNAVAILABLE, detail) from error

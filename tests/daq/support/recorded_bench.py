@@ -12,7 +12,7 @@ from daq.config.rig import Rig
 from daq.drivers.factory import open_source
 from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
-from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.jobs.queue import JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.service.state import ServiceState
@@ -84,7 +84,7 @@ def open_recorded_bench(
     """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""
     catalogue, live, predictors = Catalogue(folder), FakeLive(), Predictors()
     results = ResultsReader(model or ReadyModel(), time_limit=request_limit)
-    jobs = JobQueue(CatalogueLocation(folder), time_limit=job_limit)
+    jobs = JobQueue(Catalogue(folder), time_limit=job_limit)
     state = ServiceState(catalogue, live, Summaries(catalogue, predictors, results.summary), results, jobs, run_manager)
     app = create_app(state, host=host, token=token, cors_origins=origins)
     server = ServiceServer(app, closing=state.closing)

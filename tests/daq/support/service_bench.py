@@ -11,7 +11,7 @@ import httpx
 
 from daq.reports.run_summaries import Summaries
 from daq.service.app import create_app
-from daq.service.jobs.queue import CatalogueLocation, JobQueue
+from daq.service.jobs.queue import JobQueue
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.service.state import ServiceState
@@ -62,9 +62,7 @@ class Bench:
 
 def service_state(catalogue: Catalogue, live: FakeLive, summaries: Summaries) -> ServiceState:
     """Return the state of a service whose worker processes are never started."""
-    return ServiceState(
-        catalogue, live, summaries, ResultsReader(Predictors()), JobQueue(CatalogueLocation(catalogue.folder))
-    )
+    return ServiceState(catalogue, live, summaries, ResultsReader(Predictors()), JobQueue(Catalogue(catalogue.folder)))
 
 
 def fake_state(folder: Path, update: LiveUpdate | None = None) -> ServiceState:

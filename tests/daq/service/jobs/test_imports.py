@@ -17,7 +17,7 @@ from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
 from daq.service.jobs.schemas import JobSchema
 from daq.service.problems import ProblemError
-from daq.service.uploads import UploadReceiver, UploadStore, UploadStoreFullError
+from daq.service.uploads import UploadReceiver, UploadStore
 from recordings.exchange.formats import write_table
 from recordings.exchange.table import Column, Table
 from recordings.integrity.verify import Verdict, verify
@@ -313,10 +313,10 @@ def test_upload_requires_the_token(tmp_path: Path) -> None:
 
 def test_uploads_expire_and_are_limited_in_number(tmp_path: Path) -> None:
     def add_upload(uploads: UploadStore, name: str) -> str:
-        place = uploads.path_for(name)
+        place = uploads.new_path(name)
         place.parent.mkdir(parents=True)
         place.write_bytes(b"x")
-        return uploads.add(name, place, 1).id
+        return uploads.add(name, place, 1).upload
 
     passing, lasting = UploadStore(tmp_path / "a", retention_time=0.0), UploadStore(tmp_path / "b")
     add_upload(passing, "run.csv")
@@ -324,8 +324,8 @@ def test_uploads_expire_and_are_limited_in_number(tmp_path: Path) -> None:
     assert not list((tmp_path / "a/.rig/uploads").iterdir())
     for _ in range(16):
         add_upload(lasting, "run.csv")
-    with pytest.raises(UploadStoreFullError, match="16 uploads are stored"):
-        lasting.path_for("run.csv")
+    with pytest.raises(ProblemError, match="16 uploads are stored"):
+        lasting.new_path("run.csv")
 
 
 def test_upload_that_stalls_times_out(tmp_path: Path) -> None:

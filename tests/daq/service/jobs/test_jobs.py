@@ -13,11 +13,18 @@ import pytest
 from daq.cli.main import main
 from daq.config.loader import load_rig
 from daq.config.toml_files import to_toml
+from daq.reports.analysis_result import ProgressCallback
 from daq.reports.registry import KINDS
 from daq.schemas.summary import summary_schema
-from daq.service.jobs import execution
-from daq.service.jobs.queue import CatalogueLocation, Job, JobQueue, JobState, Progress, ReportProgress, Task
-from daq.service.jobs.schemas import JobSchema
+from daq.service.jobs import tasks
+from daq.service.jobs.queue import JobQueue, Task, perform
+from daq.service.jobs.schemas import (
+    ExportRequest,
+    IndexRequest,
+    JobSchema,
+    JobState,
+    VerificationRequest,
+)
 from daq.session.offline import summarise
 from model.errors import ParameterError
 from recordings.catalogue.catalogue import Catalogue
@@ -347,51 +354,71 @@ def test_export_of_counter_timestamps_needs_a_run_that_has_them(bench: RecordedB
 
 
 def test_verification_and_export_report_the_completed_fraction(bench: RecordedBench, tmp_path: Path) -> None:
-    verifying: list[Progress] = []
-    execution.verification_job(verifying.append, tmp_path / "verification.json", CatalogueLocation(bench.folder), RUN)
-    exporting: list[Progress] = []
-    path, part = bench.folder / f"{RUN}.mcap", execution.export_selection(0.0, None, None)
-    execution.export_job(exporting.append, tmp_path / "run.csv", path, execution.TABLES["samples"], part)
-    assert {progress.step for progress in verifying} == {"verifying"}
-    assert exporting[0].step == "reading"
-    assert exporting[-1].step == "writing 40,000 rows"
-    for progress in verifying + exporting:
-        assert progress.fraction is not None
-        assert 0.0 <= progress.fraction <= 1.0
+    catalogue = Catalogue(bench.folder)
+    verifying: list[tuple[str, float | None]] = []
+    verification = VerificationRequest(kind="verification", run=RUN)
+    tasks.verification_job(lambda *step: verifying.append(step), tmp_path / "v.json", catalogue, verification)
+    exporting: list[tuple[str, float | None]] = []
+    export = ExportRequest.model_validate({"kind": "export", "run": RUN, "format": "csv"})
+    tasks.export_job(lambda *step: exporting.append(step), tmp_path / "run.csv", catalogue, export)
+    assert {step for step, _ in verifying} == {"verifying"}
+    assert exporting[0][0] == "reading"
+    assert exporting[-1][0] == "writing 40,000 rows"
+    for _, fraction in verifying + exporting:
+        assert fraction is not None
+        assert 0.0 <= fraction <= 1.0
 
 
-def defective_job(report: ReportProgress, target: Path) -> None:
-    report(Progress(f"failing to write {target.name}"))
+REQUEST = IndexRequest(kind="index", verify=False)
+
+
+def defective_job(report: ProgressCallback, target: Path, _catalogue: Catalogue, _request: IndexRequest) -> None:
+    report(f"failing to write {target.name}", None)
     raise ValueError("secret inside")
 
 
-def failing_job(report: ReportProgress, target: Path) -> None:
-    report(Progress(f"failing to write {target.name}"))
+def failing_job(report: ProgressCallback, target: Path, _catalogue: Catalogue, _request: IndexRequest) -> None:
+    report(f"failing to write {target.name}", None)
     raise ParameterError("station: 99, expected 1 to 14")
 
 
-def failed_job(folder: Path, work: Callable[..., None]) -> Job:
+def failed_job(folder: Path, work: Callable[..., None]) -> JobSchema:
     """Run a job to its end."""
-    with JobQueue(CatalogueLocation(folder)) as jobs:
-        job = jobs.submit(Task("test", "a failing job", "", work, (), "result.json"))
+    with JobQueue(Catalogue(folder)) as jobs:
+        job = jobs.submit(Task(REQUEST, "a failing job", work, "result.json"))
         end_time = time.monotonic() + 60.0
-        while not (job := jobs.job(job.id)).state.is_final:
+        while not (job := jobs.job(job.job)).state.is_final:
             assert time.monotonic() < end_time
             time.sleep(0.02)
     assert job.state is JobState.FAILED
+    assert job.step == "failing to write result.json"
     return job
 
 
 def test_defect_in_a_job_is_an_internal_error_with_a_logged_traceback(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    error = failed_job(tmp_path, defective_job).error
-    assert error.startswith("internal error")
-    assert "secret" not in error
+    detail = failed_job(tmp_path, defective_job).detail
+    assert detail.startswith("internal error")
+    assert "secret" not in detail
     assert "secret inside" in caplog.text
     assert "in defective_job" in caplog.text  # the traceback of the worker process
 
 
 def test_error_of_the_model_in_a_job_is_its_message(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    assert failed_job(tmp_path, failing_job).error == "station: 99, expected 1 to 14"
+    assert failed_job(tmp_path, failing_job).detail == "station: 99, expected 1 to 14"
     assert not caplog.records
+
+
+def test_progress_is_reported_at_limited_rate(tmp_path: Path) -> None:
+    reported: list[tuple[str, float | None]] = []
+    perform(lambda *step: reported.append(step), Task(REQUEST, "", busy_job, "r"), tmp_path / "r", Catalogue(tmp_path))
+    assert reported == [("first", 0.0), ("second", 0.0)]
+    assert (tmp_path / "r").read_bytes() == b"result"
+
+
+def busy_job(report: ProgressCallback, _target: Path, _catalogue: Catalogue, _request: IndexRequest) -> bytes:
+    for step in ("first", "second"):
+        for index in range(10):
+            report(step, index / 10)
+    return b"result"

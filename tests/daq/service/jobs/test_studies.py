@@ -9,9 +9,10 @@ from pydantic import TypeAdapter
 
 from daq.cli.main import main
 from daq.schemas.study import StudyRequest
-from daq.service.jobs.queue import Progress
-from daq.service.jobs.studies import study_job, study_task
+from daq.service.jobs.queue import perform
+from daq.service.jobs.tasks import study_task
 from model.errors import ModelError
+from recordings.catalogue.catalogue import Catalogue
 
 Captured = pytest.CaptureFixture[str]
 SLOW = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
@@ -19,13 +20,13 @@ SLOW = {"from_rad_s": 200.0, "to_rad_s": 600.0, "count": 3}
 
 def run_study_job(request: dict[str, object], folder: Path) -> Any:
     """Run a study job and return its result."""
-    progress: list[Progress] = []
+    steps: list[str] = []
     parsed: StudyRequest = TypeAdapter(StudyRequest).validate_python(request)
-    task = study_task(parsed, None)
-    assert task.work is study_job
-    study_job(progress.append, folder / task.file, *task.arguments)  # type: ignore[arg-type]  # as the worker process receives them
-    assert progress == [Progress("computing")]
-    return json.loads((folder / task.file).read_text(encoding="utf-8"))
+    task = study_task(parsed)
+    target = folder / task.file
+    perform(lambda step, _fraction: steps.append(step), task, target, Catalogue(folder))
+    assert steps == ["computing"]
+    return json.loads(target.read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(
