@@ -4,6 +4,7 @@ Numbers are rounded to four decimals, far below the resolution of the probes; Na
 """
 
 import math
+from dataclasses import is_dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -53,7 +54,7 @@ class Schema(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _from_result(cls, value: object) -> object:
-        return value if isinstance(value, dict | Schema) else dict(cls._values(value))
+        return dict(cls._values(value)) if is_dataclass(value) else value
 
     @classmethod
     def _values(cls, result: Any) -> list[tuple[str, object]]:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import Field
+from pydantic import Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from analysis.live.summary import ProbeSummary, RunSummary
@@ -22,6 +22,7 @@ from analysis.signals.snapshot import OVERALL, Snapshot, Whirl
 from analysis.signals.units import MICROMETRE, PEAK_TO_PEAK, RPM, SPEED, phase_lag_degrees, readings
 from analysis.vectors.speed_curve import SpeedRow
 from daq import schemas
+from daq.schemas.events import AcknowledgeRequest
 from daq.schemas.live import MeasurementSchema, live_schema
 from daq.schemas.runs import RunSchema, run_schema
 from daq.schemas.summary import ProbeSummarySchema, SpeedRowSchema, SummarySchema, summary_schema
@@ -65,6 +66,12 @@ def test_lag_is_minus_the_argument_from_0_up_to_360(angle: float, lag: float) ->
 def test_lag_never_reaches_360(real: float, imaginary: float) -> None:
     lag = lag_degrees(complex(real, imaginary))
     assert lag is None or 0.0 <= lag < 360.0
+
+
+@pytest.mark.parametrize("content", [[{}], "text", 1, True, None])
+def test_schema_without_fields_refuses_json_that_is_no_object(content: object) -> None:
+    with pytest.raises(ValidationError):
+        AcknowledgeRequest.model_validate(content)
 
 
 def test_zero_vector_has_no_lag() -> None:
