@@ -5,7 +5,7 @@ import json
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from http import HTTPStatus
+from http.client import HTTPException
 from typing import Any
 
 from daq.cli.arguments import AddCommand, add_client_address, add_json, show_examples
@@ -13,6 +13,8 @@ from daq.cli.terminal import TerminalOutput, print_json
 from daq.errors import UsageError
 
 RESPONSE_TIMEOUT = 5.0  # s
+_NO_SERVICE = (OSError, HTTPException, json.JSONDecodeError, UnicodeDecodeError)
+"""Errors of a request: no connection, or a response of a server that is not the service's: not HTTP, not JSON."""
 
 
 def add_commands(add: AddCommand) -> None:
@@ -53,17 +55,20 @@ def post_to_live(args: argparse.Namespace, path: str, content: Mapping[str, str]
             return result
     except urllib.error.HTTPError as error:
         raise UsageError(f"{service}: {_problem_detail(error)}") from error
-    except (OSError, ValueError) as error:  # no connection, or a response that is not JSON
-        reason = error.reason if isinstance(error, urllib.error.URLError) else error
+    except _NO_SERVICE as error:
+        reason = str(error.reason if isinstance(error, urllib.error.URLError) else error).strip()
         raise UsageError(f"{service} does not respond ({reason}): is rig record running there, with REST?") from error
 
 
 def _problem_detail(error: urllib.error.HTTPError) -> str:
     """Return the detail of a problem response (RFC 9457), or its status line."""
     try:
-        return str(json.load(error)["detail"])
-    except (OSError, ValueError, KeyError, TypeError):  # another server answers there: not our JSON
-        return f"HTTP {error.code} {HTTPStatus(error.code).phrase}"
+        problem = json.load(error)
+    except _NO_SERVICE:
+        problem = None
+    if isinstance(problem, dict) and "detail" in problem:
+        return str(problem["detail"])
+    return f"HTTP {error.code} {error.reason}"  # another server answers there
 
 
 def run_acknowledge(args: argparse.Namespace, _console: TerminalOutput) -> int:

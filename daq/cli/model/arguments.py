@@ -53,8 +53,8 @@ def parameters_of(file: Path | None) -> ModelParameters:
 def number_range(text: str) -> FloatArray:
     """Return the values of FIRST:LAST:COUNT, of FIRST:LAST:COUNT:log, or of A,B,C."""
     try:
-        found = _range(*text.split(":")) if ":" in text else np.array([float(part) for part in text.split(",")])
-    except (TypeError, ValueError):
+        found = _range(text.split(":")) if ":" in text else np.array([float(part) for part in text.split(",")])
+    except ValueError:
         found = np.empty(0)
     if not (found.size and np.isfinite(found).all()):
         raise argparse.ArgumentTypeError(
@@ -63,14 +63,16 @@ def number_range(text: str) -> FloatArray:
     return found
 
 
-def _range(first: str, last: str, count: str, scale: str = "") -> FloatArray:
+def _range(parts: list[str]) -> FloatArray:
     """Return the values of a range; empty if it is invalid."""
-    start, stop, number = float(first), float(last), int(count)
-    if not (math.isfinite(start) and math.isfinite(stop)):
+    if len(parts) not in {3, 4} or parts[3:] not in ([], ["log"]):
         return np.empty(0)
-    if not 2 <= number <= MAX_VALUES or scale not in {"", "log"} or (scale == "log" and not (start > 0 and stop > 0)):
+    first, last, count, is_log = float(parts[0]), float(parts[1]), int(parts[2]), len(parts) == 4
+    if not 2 <= count <= MAX_VALUES or not (math.isfinite(first) and math.isfinite(last)):
         return np.empty(0)
-    return np.geomspace(start, stop, number) if scale == "log" else np.linspace(start, stop, number)
+    if is_log and not (first > 0 and last > 0):
+        return np.empty(0)
+    return np.geomspace(first, last, count) if is_log else np.linspace(first, last, count)
 
 
 def rising_range(text: str) -> FloatArray:
