@@ -1,7 +1,6 @@
 """Measurements for calibrations: a probe's voltage at a micrometer gap, and the tacho's switching levels."""
 
 import csv
-from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,12 +8,11 @@ import numpy as np
 
 from analysis.preflight.calibration import SignalLevels, find_state_levels
 from analysis.preflight.wiring import MAX_CARD_NOISE, MAX_OPEN_VOLTS, MAX_STUCK_NOISE
-from analysis.signals.blocks import SegmentEnd
-from analysis.signals.header import CODE_MAX, CODE_MIN, Role
+from analysis.signals import CodeArray
+from analysis.signals.header import CODE_MAX, CODE_MIN, Channel, Role
 from analysis.signals.units import MICROMETRE
 from daq.config.rig import Rig
 from daq.config.schema import Backend, ProfilePoint
-from daq.drivers.factory import open_source
 from daq.errors import DeviceError, DeviceFault, UsageError
 from daq.session.preflight import capture
 
@@ -49,10 +47,9 @@ def probe_row(rig: Rig, name: str) -> int:
     UsageError
         The rig has no probe of this name.
     """
-    probes = [channel.name for channel in rig.config.channel if channel.role is not Role.TACHO]
-    for row, channel in enumerate(rig.config.channel):
-        if channel.name == name and name in probes:
-            return row
+    probes = {channel.name: row for row, channel in enumerate(rig.config.channel) if channel.role is not Role.TACHO}
+    if name in probes:
+        return probes[name]
     raise UsageError(f"{rig.path} has no probe {name!r}: expected {' or '.join(probes)}")
 
 
@@ -67,20 +64,14 @@ def measure_point(rig: Rig, name: str, gap: float) -> CalibrationPoint:
         The device is missing or busy, delivers no samples, or the voltage is out of range or without noise.
     """
     at_gap = _with_gap(rig, name, gap) if rig.config.device.backend is Backend.SIMULATED else rig
-    with closing(open_source(at_gap)) as source:
-        acquisition = source.acquisition
-        captured = capture(source, round(STEP_DURATION * acquisition.rate))
-    row = [channel.name for channel in acquisition.channels].index(name)
-    if captured.codes.size == 0:
-        raise DeviceError(DeviceFault.OTHER, f"the device delivered no samples{_reason(captured.end)}")
-    codes = captured.codes[row]
+    channel, codes = _captured_channel(at_gap, STEP_DURATION, rig.config.channel[probe_row(rig, name)].role)
     if np.any((codes == CODE_MIN) | (codes == CODE_MAX)):
         raise DeviceError(
             DeviceFault.REJECTED,
-            f"probe {name} reads at the limit of {acquisition.channels[row].physical} at {gap / MICROMETRE:g} µm: "
+            f"probe {name} reads at the limit of {channel.physical} at {gap / MICROMETRE:g} µm: "
             "skip this gap, or set a larger range_v",
         )
-    volts = acquisition.channels[row].volts(codes)
+    volts = channel.volts(codes)
     noise = float(np.std(codes))
     if noise < MAX_STUCK_NOISE or (noise < MAX_CARD_NOISE and abs(float(np.mean(volts))) < MAX_OPEN_VOLTS):
         raise DeviceError(
@@ -98,13 +89,19 @@ def measure_tacho_levels(rig: Rig) -> SignalLevels | None:
     DeviceError
         The device is missing or busy, or delivers no samples.
     """
-    with closing(open_source(rig)) as source:
-        acquisition = source.acquisition
-        captured = capture(source, round(TACHO_CAPTURE_DURATION * acquisition.rate))
+    channel, codes = _captured_channel(rig, TACHO_CAPTURE_DURATION, Role.TACHO)
+    return find_state_levels(channel.volts(codes))
+
+
+def _captured_channel(rig: Rig, duration: float, role: Role) -> tuple[Channel, CodeArray]:
+    """Return a channel and its samples of a duration, s; DeviceError where there are none."""
+    captured = capture(rig, duration)
     if captured.codes.size == 0:
-        raise DeviceError(DeviceFault.OTHER, f"the device delivered no samples{_reason(captured.end)}")
-    row = acquisition.row(Role.TACHO)
-    return find_state_levels(acquisition.channels[row].volts(captured.codes[row]))
+        detail = "" if captured.end is None else captured.end.detail
+        message = "the device delivered no samples" + (f": {detail}" if detail else "")
+        raise DeviceError(DeviceFault.OTHER, message)
+    row = captured.acquisition.row(role)
+    return captured.acquisition.channels[row], captured.codes[row]
 
 
 def read_points(path: Path) -> list[CalibrationPoint]:
@@ -130,23 +127,13 @@ def read_points(path: Path) -> list[CalibrationPoint]:
         if not any(field.strip() for field in fields):
             continue
         try:
-            gap, volts = (float(_decimal(field, delimiter)) for field in fields[:2])
+            gap, volts = (float(field if delimiter == "," else field.replace(",", ".")) for field in fields[:2])
         except ValueError as error:
             if number == 1 and not fields[0][:1].isdigit():
                 continue  # a header line
             raise UsageError(f"{path}, line {number}: {delimiter.join(fields)!r}: expected gap_um, volts") from error
         points.append(CalibrationPoint(gap * MICROMETRE, volts))
     return points
-
-
-def _decimal(field: str, delimiter: str) -> str:
-    """Return a number with a decimal point; commas are decimal commas unless they separate the fields."""
-    return field if delimiter == "," else field.replace(",", ".")
-
-
-def _reason(end: SegmentEnd | None) -> str:
-    detail = "" if end is None else end.detail
-    return f": {detail}" if detail else ""
 
 
 def _with_gap(rig: Rig, name: str, gap: float) -> Rig:

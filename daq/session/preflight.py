@@ -20,7 +20,6 @@ from daq.config.rig import Rig
 from daq.config.schema import Backend
 from daq.drivers.factory import open_source
 from daq.drivers.ni import self_test
-from daq.drivers.source import Source
 from daq.errors import DeviceError, DeviceFault
 
 RATE_TOLERANCE = 1e-3  # relative, between the configured rate and the card's: more makes the frequency axis wrong
@@ -31,6 +30,63 @@ _FINDINGS = {
     DeviceFault.BUSY: Finding.BUSY,
     DeviceFault.DRIVER: Finding.DRIVER,
 }
+CAPTURE_DURATION = 1.0  # s of samples
+
+OnProgress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Capture:
+    """The first segment of an acquisition, captured for checks.
+
+    Parameters
+    ----------
+    acquisition : Acquisition
+        Read back from the opened device.
+    blocks : tuple of SampleBlock
+        Blocks of the segment, in order of arrival.
+    end : SegmentEnd or None
+        End of the segment; None where the source ended without one.
+    """
+
+    acquisition: Acquisition
+    blocks: tuple[SampleBlock, ...]
+    end: SegmentEnd | None
+
+    @property
+    def codes(self) -> NDArray[np.int16]:
+        """All samples, shape (n_channels, n); empty where none arrived."""
+        if not self.blocks:
+            return np.empty((0, 0), dtype=np.int16)
+        return np.concatenate([block.codes for block in self.blocks], axis=1)
+
+    @property
+    def ticks(self) -> NDArray[np.int64] | None:
+        """Counter stamps of the tacho's edges; None where a block has none."""
+        stamped = [block.ticks for block in self.blocks if block.ticks is not None]
+        return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
+
+
+def capture(rig: Rig, duration: float, on_progress: OnProgress = lambda _step: None) -> Capture:
+    """Return at least `duration` s of a rig's samples; DeviceError where the device cannot be opened."""
+    blocks: list[SampleBlock] = []
+    end = None
+    on_progress("opening the device")
+    with closing(open_source(rig)) as source:
+        on_progress(f"capturing {duration:g} s of samples")
+        for item in source.blocks():
+            if isinstance(item, SegmentEnd):
+                end = item
+                break
+            blocks.append(item)
+            if item.end >= round(duration * source.acquisition.rate):
+                source.stop()
+        return Capture(source.acquisition, tuple(blocks), end)
+
+
+def warn_unless(is_good: bool, check: Check, finding: Finding, advice: str) -> Check:  # noqa: FBT001 - like an if
+    """Return a check, with a warning unless it is good."""
+    return check if is_good else check.warn(finding, advice)
 
 
 def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
@@ -44,21 +100,21 @@ def device_checks(rig: Rig, acquisition: Acquisition) -> Iterator[Check]:
     else:
         yield Check("device", value, section.product)
     if section.backend is Backend.NIDAQMX:
-        if section.serial:
-            yield Check("device serial", device.serial, section.serial)
-        else:
-            advice = (
-                f"the card is known only as {section.name}, a name that moves with the USB port: enter "
-                f'serial = "{device.serial}" in [device]'
-            )
-            yield Check("device serial", device.serial, "a serial number in [device]").warn(Finding.SERIAL, advice)
+        yield warn_unless(
+            bool(section.serial),
+            Check("device serial", device.serial, section.serial or "a serial number in [device]"),
+            Finding.SERIAL,
+            f"the card is known only as {section.name}, a name that moves with the USB port: enter "
+            f'serial = "{device.serial}" in [device]',
+        )
     configured, actual = rig.config.timing.rate_hz, acquisition.rate
-    value, limit = f"{actual:,.1f} Hz a channel", f"{configured:,.0f} Hz ± {100 * RATE_TOLERANCE:g} %"
-    if abs(actual - configured) <= RATE_TOLERANCE * configured:
-        yield Check("sample rate", value, limit)
-    else:
-        advice = f"the card divides its clock by whole numbers only: enter the actual rate, rate_hz = {actual:.6g}"
-        yield Check("sample rate", value, limit).warn(Finding.RATE, advice)
+    limit = f"{configured:,.0f} Hz ± {100 * RATE_TOLERANCE:g} %"
+    yield warn_unless(
+        abs(actual - configured) <= RATE_TOLERANCE * configured,
+        Check("sample rate", f"{actual:,.1f} Hz a channel", limit),
+        Finding.RATE,
+        f"the card divides its clock by whole numbers only: enter the actual rate, rate_hz = {actual:.6g}",
+    )
 
 
 def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> Check:
@@ -72,55 +128,39 @@ def device_error_check(rig: Rig, error: DeviceError, *, in_self_test: bool) -> C
     return Check("device", finding.value, f"{section.product}, {which}").fail(finding, str(error))
 
 
-def self_calibration_checks(rig: Rig, calibrated: dt.date | None, today: dt.date) -> Iterator[Check]:
-    """Yield the check of the age of the card's self-calibration, none where the card does not report it."""
-    if calibrated is None:
-        return
+def self_calibration_check(rig: Rig, calibrated: dt.date, today: dt.date) -> Check:
+    """Return the check of the age of the card's self-calibration."""
     age, max_age = (today - calibrated).days, rig.config.preflight.self_calibration_days
-    name, value, limit = "card self-calibration", f"{calibrated}, {age} days old", f"{max_age} days"
-    if age <= max_age:
-        yield Check(name, value, limit)
-    else:
-        advice = "run the self-calibration in NI MAX after 15 min of warm-up: the card's scaling drifts"
-        yield Check(name, value, limit).warn(Finding.CALIBRATION, advice)
+    return warn_unless(
+        age <= max_age,
+        Check("card self-calibration", f"{calibrated}, {age} days old", f"{max_age} days"),
+        Finding.CALIBRATION,
+        "run the self-calibration in NI MAX after 15 min of warm-up: the card's scaling drifts",
+    )
 
 
 def sample_checks(blocks: Sequence[SampleBlock], end: SegmentEnd | None, wanted: int, rig: Rig) -> Iterator[Check]:
-    """Yield the checks that the samples arrive complete, in time and without driver warnings.
-
-    Parameters
-    ----------
-    blocks : sequence of SampleBlock
-        In order of arrival.
-    end : SegmentEnd or None
-        End of their segment; None where the source yields none.
-    wanted : int
-        Requested samples per channel.
-    rig : Rig
-        The rig.
-    """
+    """Yield the checks that the wanted samples per channel arrive complete, in time and without driver warnings."""
     count, in_order = 0, True
     for block in blocks:
         in_order = in_order and block.first_sample == count and block.segment == 0
         count = block.end
-    value, limit = f"{count:,} samples a channel", f"{wanted:,} without a gap"
-    name = "samples"
-    if end is not None and in_order and end.is_gap_free and end.samples == count and count >= wanted:
-        yield Check(name, value, limit)
-    else:
+    check = Check("samples", f"{count:,} samples a channel", f"{wanted:,} without a gap")
+    if end is None or not (in_order and end.is_gap_free and end.samples == count and count >= wanted):
         reason = "" if end is None else f": {end.reason.value}" + (f", {end.detail}" if end.detail else "")
         advice = f"the card did not deliver a whole second{reason}; connect it to a USB port of its own, without a hub"
-        yield Check(name, value, limit).fail(Finding.COUNT, advice)
+        check = check.fail(Finding.COUNT, advice)
+    yield check
     if end is not None and end.is_gap_free and end.detail:
         yield Check("driver", "warnings", "none").warn(Finding.DRIVER_WARNING, end.detail)
     backlog = max((block.backlog for block in blocks), default=0) / rig.config.timing.rate_hz
-    limit_s = rig.config.timing.buffer_s / 4
-    value, limit = f"{backlog:.2f} s", f"{limit_s:.2g} s, a quarter of buffer_s"
-    if backlog <= limit_s:
-        yield Check("backlog", value, limit)
-    else:
-        advice = "this computer is too slow: close other programs, lower rate_hz, or raise buffer_s"
-        yield Check("backlog", value, limit).warn(Finding.BACKLOG, advice)
+    limit = rig.config.timing.buffer_s / 4
+    yield warn_unless(
+        backlog <= limit,
+        Check("backlog", f"{backlog:.2f} s", f"{limit:.2g} s, a quarter of buffer_s"),
+        Finding.BACKLOG,
+        "this computer is too slow: close other programs, lower rate_hz, or raise buffer_s",
+    )
 
 
 def calibration_checks(rig: Rig, today: dt.date) -> Iterator[Check]:
@@ -148,13 +188,11 @@ def disk_check(free: int, rig: Rig, rate: float, duration: float | None) -> Chec
     available = free - rig.config.storage.reserve_gb * 1e9
     lasts = max(available, 0.0) / disk_rate(rig, rate)
     needed = 3600.0 * rig.config.preflight.disk_duration_h if duration is None else duration
-    value, limit = _duration_text(lasts), _duration_text(needed)
-    if lasts >= needed:
-        return Check("disk", value, limit)
+    check = Check("disk", _duration_text(lasts), _duration_text(needed))
     advice = "free disk space, or record elsewhere (storage.folder, RIG_DATA)"
     if duration is None and lasts > 0.0:
-        return Check("disk", value, limit).warn(Finding.DISK, advice)
-    return Check("disk", value, limit).fail(Finding.DISK, f"a full disk would end the run: {advice}")
+        return warn_unless(lasts >= needed, check, Finding.DISK, advice)
+    return check if lasts >= needed else check.fail(Finding.DISK, f"a full disk would end the run: {advice}")
 
 
 def _duration_text(seconds: float) -> str:
@@ -169,104 +207,56 @@ def disk_rate(rig: Rig, rate: float) -> float:
 def planned_speed_check(rig: Rig, speed: float) -> Check:
     """Return the check of the planned speed, rad/s, against the rig's limit."""
     limit_speed = rig.limits.speed
-    value, limit = f"{speed / RPM:,.0f} r/min", f"{limit_speed / RPM:,.0f} r/min"
+    check = Check("planned speed", f"{speed / RPM:,.0f} r/min", f"{limit_speed / RPM:,.0f} r/min")
     if speed <= limit_speed * (1.0 + 1e-9):
-        return Check("planned speed", value, limit)
+        return check
     advice = "the planned speed is above limits.speed_rpm, the maximum speed of the rig: plan a lower one"
-    return Check("planned speed", value, limit).fail(Finding.SPEED, advice)
+    return check.fail(Finding.SPEED, advice)
 
 
 def _age_check(name: str, calibration: Calibration, today: dt.date, max_age: int) -> Check:
     age = (today - dt.date.fromisoformat(calibration.date)).days
     label, limit = f"probe {name} calibration", f"{max_age} days"
-    value = f"{calibration.date}, {age} days old"
     if age < 0:
         advice = "the calibration date is in the future: the computer's date or the record's is wrong"
         return Check(label, f"{calibration.date}, today is {today}", limit).warn(Finding.CALIBRATION, advice)
-    if age <= max_age:
-        return Check(label, value, limit)
-    advice = f"calibrate the probe again: rig calibrate gap RIG.TOML {name}"
-    return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
+    return warn_unless(
+        age <= max_age,
+        Check(label, f"{calibration.date}, {age} days old", limit),
+        Finding.CALIBRATION,
+        f"calibrate the probe again: rig calibrate gap RIG.TOML {name}",
+    )
 
 
 def _residual_check(name: str, calibration: Calibration, fraction: float) -> Check:
     ends = np.array([calibration.volts_low, calibration.volts_high])
     low, high = np.polynomial.polynomial.polyval(ends, calibration.coefficients)
     allowed = fraction * float(high - low)
-    label = f"probe {name} fit"
-    value, limit = (
-        f"{calibration.residual / MICROMETRE:.2f} µm maximum error",
-        f"{allowed / MICROMETRE:.1f} µm, {100 * fraction:g} % of the span",
-    )
-    if 0.0 < calibration.residual <= allowed:
-        return Check(label, value, limit)
+    label, limit = f"probe {name} fit", f"{allowed / MICROMETRE:.1f} µm, {100 * fraction:g} % of the span"
     if calibration.residual == 0.0:
         advice = "the record does not state the residual of its polynomial: rig calibrate gap stores it"
         return Check(label, "unknown", limit).warn(Finding.CALIBRATION, advice)
-    advice = "the polynomial fits the points badly: use a higher order, or measure the points again"
-    return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
+    return warn_unless(
+        0.0 < calibration.residual <= allowed,
+        Check(label, f"{calibration.residual / MICROMETRE:.2f} µm maximum error", limit),
+        Finding.CALIBRATION,
+        "the polynomial fits the points badly: use a higher order, or measure the points again",
+    )
 
 
 def _serials_check(rig: Rig) -> Check:
-    label, limit = "probe serials", "a sensor and conditioner for each probe, all different"
     serials = {name: (c.sensor, c.conditioner) for name, c in rig.calibrations.items()}
     value = "; ".join(f"{name}: {' + '.join(filter(None, pair)) or 'none'}" for name, pair in serials.items())
-    advice = ""
+    check = Check("probe serials", value, "a sensor and conditioner for each probe, all different")
     if not all(all(pair) for pair in serials.values()):
         advice = "a record without serial numbers may belong to another sensor: enter them"
-    else:
-        sensors, conditioners = ({pair[number] for pair in serials.values()} for number in (0, 1))
-        if min(len(sensors), len(conditioners)) < len(serials):
-            advice = "two probes cannot share a sensor or a conditioner: one of the records is the wrong file"
-    if advice:
-        return Check(label, value, limit).warn(Finding.CALIBRATION, advice)
-    return Check(label, value, limit)
-
-
-CAPTURE_DURATION = 1.0  # s of samples
-
-OnProgress = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Capture:
-    """The first segment of a source, captured for checks.
-
-    Parameters
-    ----------
-    blocks : tuple of SampleBlock
-        Blocks of the segment.
-    end : SegmentEnd or None
-        End of the segment; None where the source ended without one.
-    """
-
-    blocks: tuple[SampleBlock, ...]
-    end: SegmentEnd | None
-
-    @property
-    def codes(self) -> NDArray[np.int16]:
-        """All samples, shape (n_channels, n); empty where none arrived."""
-        if not self.blocks:
-            return np.empty((0, 0), dtype=np.int16)
-        return np.concatenate([block.codes for block in self.blocks], axis=1)
-
-    @property
-    def ticks(self) -> NDArray[np.int64] | None:
-        """Counter stamps of the tacho's edges; None where a block has none."""
-        stamped = [block.ticks for block in self.blocks if block.ticks is not None]
-        return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
-
-
-def capture(source: Source, samples: int) -> Capture:
-    """Return at least `samples` samples per channel of a source, and stop it; the caller closes it."""
-    blocks: list[SampleBlock] = []
-    for item in source.blocks():
-        if isinstance(item, SegmentEnd):
-            return Capture(tuple(blocks), item)
-        blocks.append(item)
-        if item.end >= samples:
-            source.stop()
-    return Capture(tuple(blocks), None)
+        return check.warn(Finding.CALIBRATION, advice)
+    return warn_unless(
+        min(len(set(numbers)) for numbers in zip(*serials.values(), strict=True)) == len(serials),
+        check,
+        Finding.CALIBRATION,
+        "two probes cannot share a sensor or a conditioner: one of the records is the wrong file",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,13 +326,15 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
             on_progress("self-test of the card")
             calibrated = self_test(rig.config.device)  # before the acquisition: a card cannot test itself during one
             checks.append(Check("self-test", "passed", "the card's own test"))
-            checks += self_calibration_checks(rig, calibrated, today)
+            if calibrated is not None:  # this card reports it
+                checks.append(self_calibration_check(rig, calibrated, today))
             in_self_test = False
-        acquisition, captured = _capture_from(rig, on_progress)
+        captured = capture(rig, CAPTURE_DURATION, on_progress)
     except DeviceError as error:
         device_error = error
         checks.append(device_error_check(rig, error, in_self_test=in_self_test))
     else:
+        acquisition = captured.acquisition
         checks = [*device_checks(rig, acquisition), *checks]
         checks += sample_checks(captured.blocks, captured.end, round(CAPTURE_DURATION * acquisition.rate), rig)
         if captured.codes.size:
@@ -355,14 +347,6 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
     rate = rig.config.timing.rate_hz if acquisition is None else acquisition.rate
     checks.append(disk_check(_free_bytes(plan.folder), rig, rate, plan.duration))
     return PreflightReport(acquisition, tuple(checks), device_error)
-
-
-def _capture_from(rig: Rig, on_progress: OnProgress) -> tuple[Acquisition, Capture]:
-    """Return a second of the rig's samples; DeviceError where the device cannot be opened."""
-    on_progress("opening the device")
-    with closing(open_source(rig)) as source:
-        on_progress(f"capturing {CAPTURE_DURATION:g} s of samples")
-        return source.acquisition, capture(source, round(CAPTURE_DURATION * source.acquisition.rate))
 
 
 def _free_bytes(folder: Path) -> int:
