@@ -2,7 +2,7 @@
 
 RecordingError
 ├── NotFoundError       no run of this id or name
-├── DamagedError        the file is cut short, empty or not MCAP
+├── DamagedError        the file is truncated, empty or not MCAP
 │   └── MessageError    the bytes of a message are not what its type requires
 ├── UnknownFormatError  the file is no run, or of a format version that this program does not read
 ├── StorageError        the folder is missing, read-only or full

@@ -90,8 +90,8 @@ class CounterReport:
 
     is_working: bool
     compared: Annotated[int, NUMBER.of("Edges found by both")]
-    missing: Annotated[int, NUMBER.of("Edges of the waveform without a time stamp of the counter")]
-    extra: Annotated[int, NUMBER.of("Time stamps without an edge of the waveform")]
+    missing: Annotated[int, NUMBER.of("Edges of the waveform without a timestamp of the counter")]
+    extra: Annotated[int, NUMBER.of("Timestamps without an edge of the waveform")]
     out_of_tolerance: Annotated[int, NUMBER.of("Edges with a time difference above the limit of the rig file")]
     mean_difference: Annotated[
         float, SHORT_TIME.of("Mean time of the counter minus that of the waveform; unknown where none were compared")

@@ -71,14 +71,14 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     Parameters
     ----------
     times : ndarray of float64, shape (n,)
-        Times of the edges, s, rising: counter timestamps, or those of `edge_detector` over the sample rate.
+        Times of the edges, s, in order: counter timestamps, or those of `edge_detector` over the sample rate.
     tacho : Tacho
         Marks, response time and delay; the delay is subtracted.
 
     Raises
     ------
     AmbiguousTachoError
-        Times that do not rise, too few pulses, no regular train, different counts forward and backward, or too many
+        Times that fall, too few pulses, no regular train, different counts forward and backward, or too many
         repairs.
     ValueError
         Times that are not finite.
@@ -91,16 +91,17 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
     times = np.asarray(times, dtype=np.float64)
     if times.ndim != 1 or not np.isfinite(times).all():
         raise ValueError(f"times: shape {times.shape}, expected (n,) finite, s")
-    falls = np.flatnonzero(np.diff(times) <= 0.0)  # a counter may stamp one tick twice
+    falls = np.flatnonzero(np.diff(times) < 0.0)
     if falls.size:
         raise AmbiguousTachoError(
             f"tacho: pulse {falls[0] + 1} at {times[falls[0] + 1]:.6f} s, expected after {times[falls[0]]:.6f} s, the "
             "time of the pulse before"
         )
+    edges, times = times, np.unique(times)  # a counter may deliver one timestamp twice: the second edge is rejected
     if times.size < MIN_PULSES:
         raise AmbiguousTachoError(f"{times.size} tacho pulses in the record, expected at least {MIN_PULSES}")
     if _is_clean(np.diff(times), tacho.pulses_per_revolution):
-        return _record(np.arange(times.size), times, times.size, tacho)
+        return _record(np.arange(times.size), times, edges.size, tacho)
     single = replace(tacho, pulses_per_revolution=1)
     forward = max(_trains(times, single), key=lambda train: train[0].size, default=None)
     backward = max(_trains(-times[::-1], single), key=lambda train: train[0].size, default=None)
@@ -117,7 +118,8 @@ def pulse_record(times: FloatArray, tacho: Tacho) -> PulseRecord:
         )
     numbers = numbers - numbers[0]
     _refuse_many_repairs(numbers, pulse_times, times[begin : end + 1], tacho.pulses_per_revolution)
-    return _record(numbers, pulse_times, n_edges, tacho)
+    n_repeated = np.diff(np.searchsorted(edges, [pulse_times[0], pulse_times[-1]])).item() + 1 - n_edges
+    return _record(numbers, pulse_times, n_edges + n_repeated, tacho)
 
 
 def _is_clean(intervals: FloatArray, marks: int) -> bool:

@@ -91,7 +91,7 @@ def _print_rig(rig: Rig, rate: float, convert_rate: float) -> None:
         ("  disk", f"at most {disk_rate(rig, rate) * 3600 / 1e9:.2g} GB an hour"),
     ]
     if counter is not None:
-        stamped = f"edges stamped by {counter.counter} on {counter.terminal} to {1e9 / counter.timebase:g} ns"
+        stamped = f"edges timestamped by {counter.counter} on {counter.terminal} to {1e9 / counter.timebase:g} ns"
         rows.insert(3, ("  tacho", f"{stamped}; speed and phase from the {rig.tacho.reference}"))
     print_output(f"{rig.path}: good", grid(*rows, label_width=9))
 

@@ -96,7 +96,7 @@ def print_runs(runs: Iterable[RunEntry]) -> None:
 
 def _run_row(run: RunEntry) -> tuple[str, str, str, str]:
     state = "incomplete" if not run.is_complete else "complete" if run.is_gap_free else "samples lost"
-    if run.verdict not in ("", Verdict.SOUND):
+    if run.verdict not in ("", Verdict.INTACT):
         state = run.verdict
     largest = zip(LARGEST_OVERALL.rows, run.largest or (), strict=False)
     overall = (f"{measure.shown(value):.3g} {measure.unit}" for measure, value in largest if not math.isnan(value))
@@ -119,7 +119,7 @@ def run_index(args: argparse.Namespace, console: TerminalOutput) -> int:
     report = catalogue.index(summarise, verify_files=args.verify, on_status=console.progress)
     console.done()
     faults = {entry.id: entry.fault or entry.verdict for entry in catalogue.runs()}
-    damaged = [run_id for run_id, fault in faults.items() if fault not in ("", Verdict.SOUND)]
+    damaged = [run_id for run_id, fault in faults.items() if fault not in ("", Verdict.INTACT)]
     if args.json:
         from daq.schemas.runs import IndexReportSchema
 
@@ -237,7 +237,7 @@ def run_verify(args: argparse.Namespace, console: TerminalOutput) -> int:
             for finding in verification.findings
         )
         print_output(_verdict(verification), grid(*findings))
-    return 0 if verification.verdict is Verdict.SOUND else INCOMPLETE
+    return 0 if verification.verdict is Verdict.INTACT else INCOMPLETE
 
 
 def _plural(count: int, noun: str) -> str:
@@ -245,7 +245,7 @@ def _plural(count: int, noun: str) -> str:
 
 
 def _verdict(verification: Verification) -> str:
-    pulses = f"{verification.pulses:,} counter stamps, " if verification.pulses else ""
+    pulses = f"{verification.pulses:,} counter timestamps, " if verification.pulses else ""
     return (
         f"{verification.path}: {verification.verdict.value}  {verification.samples:,} samples per channel, "
         f"{_plural(verification.segments, 'segment')}, {pulses}{verification.chunks} intact chunks, "

@@ -22,7 +22,7 @@ MARK_KEYS = ("tacho.mark_fraction", "tacho.response_time_s", "tacho.pulses_per_r
 MIN_SPLIT_MINUTES, MIN_SPLIT_GB = 0.01, 0.001
 MIN_PHASE_SAMPLES = 4  # of the tacho in the shorter of light and dark
 
-WRAP_MARGIN = 10.0  # s of a wrap reserved for a late stamp and a long block
+WRAP_MARGIN = 10.0  # s of a wrap reserved for a late timestamp and a long block
 
 
 def consistency_issues(config: RigConfig) -> Iterator[ConfigIssue]:

@@ -68,7 +68,7 @@ class ChannelSection(Section):
 
 
 class CounterSection(Section):
-    """`[tacho.counter]`: a counter of the card that stamps the tacho's edges, in addition to the sampled channel."""
+    """`[tacho.counter]`: a counter of the card that timestamps the tacho's edges, beside the sampled channel."""
 
     counter: Annotated[str, Field(pattern=r"^ctr[0-9]$", description='a counter of the card, as "ctr0"')] = "ctr0"
     terminal: Annotated[str, Field(pattern=r"^PFI[0-9]{1,2}$", description='a line of the card, as "PFI0"')] = "PFI0"

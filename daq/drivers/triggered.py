@@ -24,8 +24,8 @@ MAX_TURN_DEVIATION = 0.25  # of the median turn; a doubled or missing edge makes
 class SpeedEstimator:
     """A quick estimate of the speed from the last tacho edges, for triggers; the analysis computes the accurate speed.
 
-    The edges are those of the tacho's reference. If that is the card's counter, its stamps are used at once, while the
-    analysis waits for late ones. If the counter fails, the waveform is used for the rest of the segment.
+    The edges are those of the tacho's reference. If that is the card's counter, its timestamps are used at once, while
+    the analysis waits for late ones. If the counter fails, the waveform is used for the rest of the segment.
 
     Parameters
     ----------

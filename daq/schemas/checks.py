@@ -149,9 +149,9 @@ class RigCheckSchema(Schema):
     sample_rate_hz: Number = Field(description="Samples per channel and second that the card will use, Hz")
     convert_rate_hz: Number = Field(description="Expected convert clock of the multiplexer, Hz")
     tacho_reference: str | None = Field(
-        description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges'
+        description='Source of speed and phase: "samples" of the tacho, or a "counter" that timestamps its edges'
     )
-    counter_resolution_ns: Number = Field(description="Resolution of the time stamps, ns; null without a counter")
+    counter_resolution_ns: Number = Field(description="Resolution of the timestamps, ns; null without a counter")
     disk_bytes_per_hour: Annotated[int, Field(ge=0)] | None = Field(
         description="Upper limit of the data rate of a run, bytes per hour"
     )

@@ -112,7 +112,7 @@ class RunSchema(LargestOverallSchema, of=(RunEntry,)):
     )
     remark: str = Field(examples=["bearing changed after this run"])
     tags: tuple[str, ...] = Field(examples=[["reference"]])
-    verdict: str = Field(examples=["sound"])
+    verdict: str = Field(examples=["intact"])
 
 
 class RunListSchema(Schema):

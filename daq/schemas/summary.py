@@ -67,7 +67,7 @@ class TachoSummarySchema(Schema, of=(TachoReport,)):
     )
     phase_reference_is_arbitrary: bool = Field(examples=[False])
     reference: str = Field(
-        description='Source of speed and phase: "samples" of the tacho, or a "counter" that time-stamps its edges',
+        description='Source of speed and phase: "samples" of the tacho, or a "counter" that timestamps its edges',
         examples=["samples"],
     )
     counter: CounterSchema | None = Field(description="Comparison of counter and samples; null without a counter")

@@ -163,7 +163,7 @@ def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[
         rate=rate,
         convert_rate=SIMULTANEOUS_CONVERT_RATE,
         channels=tuple(each.channel for each in channels),
-        tacho=replace(rig.tacho, counter=None),  # foreign files hold no counter stamps
+        tacho=replace(rig.tacho, counter=None),  # foreign files hold no counter timestamps
     )
     return RunHeader(
         run=run_id,

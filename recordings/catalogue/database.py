@@ -35,6 +35,7 @@ from sqlalchemy.pool import NullPool
 
 from analysis.signals.snapshot import LARGEST_OVERALL
 from recordings.errors import StorageError
+from recordings.integrity.verify import Verdict
 
 ID_LENGTH = 128
 FOLDER_LENGTH = 512
@@ -130,8 +131,8 @@ CACHED = Table(  # results computed from a run, valid for the file of this size 
     Column("document", Text, nullable=False),
 )
 
-VERSION = zlib.crc32(repr([(table.name, list(table.columns)) for table in METADATA.sorted_tables]).encode()) >> 1
-"""Version of the tables, from their definition; a catalogue of another version is built again from the files."""
+VERSION = zlib.crc32(repr([[(t.name, list(t.columns)) for t in METADATA.sorted_tables], list(Verdict)]).encode()) >> 1
+"""Version of tables and verdicts, by definition; a catalogue of another version is built again from the files."""
 
 
 CATALOGUE_VARIABLE = "RIG_CATALOGUE"

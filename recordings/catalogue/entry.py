@@ -161,7 +161,7 @@ class RunEntry:
     remark: Annotated[str, NUMBER.of("Remark added afterwards")] = ""
     tags: Annotated[tuple[str, ...], NUMBER.of("Tags added afterwards")] = ()
     verdict: Annotated[
-        str, NUMBER.of("Verdict of the last verification: sound, not whole, unreadable; empty without one")
+        str, NUMBER.of("Verdict of the last verification: intact, damaged, unreadable; empty without one")
     ] = ""
     calibration: str = ""
     largest: Annotated[tuple[float, ...] | None, LARGEST_OVERALL] = None

@@ -138,7 +138,7 @@ def pulses_table(
     segment: int | None = None,
     on_progress: Progress = ignore_progress,
 ) -> Table:
-    """Return the counter stamps of the tacho edges, one row each; the tacho's delay is not subtracted.
+    """Return the counter timestamps of the tacho edges, one row each; the tacho's delay is not subtracted.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def pulses_table(
                 found += [(end.segment, tick) for tick in ticks_here.tolist()]
                 on_progress(min(low + CHUNK_SAMPLES, last) / max(reader.n_samples, 1))
     if counter is None or not found:
-        raise ForeignFormatError(f"{reader.path}: has no counter stamps from {start:g} s to {stop:g} s")
+        raise ForeignFormatError(f"{reader.path}: has no counter timestamps from {start:g} s to {stop:g} s")
     segments, ticks = np.array(found, dtype=np.float64).T
     properties = _properties(reader) | {"timebase_hz": repr(counter.timebase), "delay_s": repr(acquisition.tacho.delay)}
     columns = (

@@ -1,4 +1,4 @@
-"""Checks of a recording: findings, continuity of blocks and counter stamps, calibrations, indexes."""
+"""Checks of a recording: findings, continuity of blocks and counter timestamps, calibrations, indexes."""
 
 import math
 import struct
@@ -130,8 +130,9 @@ class ContinuityCheck:
     def check_block(self, block: SampleBlock, where: str) -> Iterator[Finding]:
         """Take the next block and yield its faults."""
         if block.codes.shape[0] != len(self._channels):
-            what = f"a block of {block.codes.shape[0]} channels, expected {len(self._channels)}"
-            yield Finding(Check.CONTINUITY, where, what)
+            yield Finding(
+                Check.CONTINUITY, where, f"a block of {block.codes.shape[0]} channels, expected {len(self._channels)}"
+            )
             return
         if (block.segment, block.first_sample) != (self._segment, self._next_sample):
             yield Finding(
@@ -161,26 +162,36 @@ class ContinuityCheck:
     def finish(self) -> Iterator[Finding]:
         """Yield what is missing at the end of the file, and remarks on losses, clipping and calibrated spans."""
         if self._is_open or not self._ends:
-            what = f"segment {self._segment} has no end: the recording breaks off after {self._next_sample} samples"
-            yield Finding(Check.CONTINUITY, "end of file", what)
+            yield Finding(
+                Check.CONTINUITY,
+                "end of file",
+                f"segment {self._segment} has no end: the recording breaks off after {self._next_sample} samples",
+            )
         for end in self._ends:
             if not end.is_gap_free:
                 lost = f"{'' if end.lost_is_exact else 'at least '}{end.lost} samples lost"
-                what = f"{lost} after sample {end.samples}: {end.reason.value}" + (end.detail and f", {end.detail}")
-                yield Finding(Check.CONTINUITY, f"segment {end.segment}", what, is_fault=False)
+                yield Finding(
+                    Check.CONTINUITY,
+                    f"segment {end.segment}",
+                    f"{lost} after sample {end.samples}: {end.reason.value}" + (end.detail and f", {end.detail}"),
+                    is_fault=False,
+                )
         for channel, at_rails, uncalibrated in zip(self._channels, self._at_rails, self._uncalibrated, strict=True):
             where = f"channel {channel.name}"
             if at_rails:
-                what = f"{at_rails} samples at the converter's rails"
-                yield Finding(Check.CALIBRATION, where, what, is_fault=False)
+                yield Finding(Check.CALIBRATION, where, f"{at_rails} samples at the converter's rails", is_fault=False)
             if uncalibrated and channel.calibration is not None:
                 low, high = channel.calibration.volts_low, channel.calibration.volts_high
-                what = f"{uncalibrated / self.samples:.2%} of the samples outside the calibrated {low:g} to {high:g} V"
-                yield Finding(Check.CALIBRATION, where, what, is_fault=False)
+                yield Finding(
+                    Check.CALIBRATION,
+                    where,
+                    f"{uncalibrated / self.samples:.2%} of the samples outside the calibrated {low:g} to {high:g} V",
+                    is_fault=False,
+                )
 
 
 class PulseCheck:
-    """Check that counter stamps, taken with the blocks in file order, are consecutive and belong to their blocks.
+    """Check that counter timestamps, taken with the blocks in file order, are consecutive and belong to their blocks.
 
     Parameters
     ----------
@@ -193,7 +204,7 @@ class PulseCheck:
         self._segment, self._next, self._last = -1, 0, -1
         self._expected_block: tuple[int, int] | None = None  # segment and first sample, from the last pulse message
         self.count = 0
-        """Stamps in all messages."""
+        """Timestamps in all messages."""
 
     def check_pulses(self, data: bytes, where: str) -> Iterator[Finding]:
         """Take the next pulse message and yield its faults; MessageError if the bytes are not such a message."""
@@ -201,34 +212,48 @@ class PulseCheck:
         position, ticks = f"{where}, segment {message.segment}", np.array(message.ticks, dtype=np.int64)
         self.count += ticks.size
         if self._acquisition.tacho.counter is None:
-            yield Finding(Check.CONTINUITY, position, "counter stamps, but the header has no counter")
+            yield Finding(Check.CONTINUITY, position, "counter timestamps, but the header has no counter")
         if message.segment != self._segment:
             self._segment, self._next, self._last = message.segment, 0, -1
         if message.first_pulse != self._next:
-            what = f"counter stamps from number {message.first_pulse} on, expected number {self._next}"
-            yield Finding(Check.CONTINUITY, position, what)
+            yield Finding(
+                Check.CONTINUITY,
+                position,
+                f"counter timestamps from number {message.first_pulse} on, expected number {self._next}",
+            )
         if (np.diff(ticks, prepend=self._last) <= 0).any():
-            what = f"counter stamps from number {message.first_pulse} on do not increase"
-            yield Finding(Check.CONTINUITY, position, what)
+            yield Finding(
+                Check.CONTINUITY, position, f"counter timestamps from number {message.first_pulse} on do not increase"
+            )
         if ticks.size:
             self._last = int(ticks[-1])
         self._next = message.first_pulse + ticks.size
         if message.has_failed:
-            what = f"the tacho's counter failed after {self._next} stamps, before sample {message.first_sample}"
-            yield Finding(Check.CONTINUITY, position, what, is_fault=False)
+            yield Finding(
+                Check.CONTINUITY,
+                position,
+                f"the tacho's counter failed after {self._next} timestamps, before sample {message.first_sample}",
+                is_fault=False,
+            )
         self._expected_block = (message.segment, message.first_sample)
 
     def check_block(self, block: SampleBlock, where: str) -> Iterator[Finding]:
-        """Take the next block and yield faults of the stamps that precede it."""
+        """Take the next block and yield faults of the timestamps that precede it."""
         if self._expected_block is None:
             return
         (segment, first_sample), self._expected_block = self._expected_block, None
         if (segment, first_sample) != (block.segment, block.first_sample):
-            what = f"counter stamps of the block from sample {first_sample} of segment {segment}, which does not follow"
-            yield Finding(Check.CONTINUITY, where, what)
+            yield Finding(
+                Check.CONTINUITY,
+                where,
+                f"counter timestamps of the block from sample {first_sample} of segment {segment}, which is missing",
+            )
         elif self._last >= block.end * self._acquisition.ticks_per_sample + 1:
-            what = f"a counter stamp of {self._last} ticks, expected one before the end of its block at {block.end}"
-            yield Finding(Check.CONTINUITY, where, what)
+            yield Finding(
+                Check.CONTINUITY,
+                where,
+                f"a counter timestamp of {self._last} ticks, expected one before the end of its block at {block.end}",
+            )
 
 
 class IndexCheck:
@@ -266,8 +291,11 @@ class IndexCheck:
             return
         channel, length = struct.unpack_from("<HI", content)
         if length != len(content) - 6 or length % 16:
-            what = f"a message index that declares {length} bytes, expected {len(content) - 6}, a multiple of 16"
-            yield Finding(Check.INDEX, where, what)
+            yield Finding(
+                Check.INDEX,
+                where,
+                f"a message index that declares {length} bytes, expected {len(content) - 6}, a multiple of 16",
+            )
             return
         times = [time for time, _ in struct.iter_unpack("<QQ", content[6:])]
         if self._times and self._times.get(channel) != times:

@@ -39,8 +39,8 @@ MAX_FINDINGS = 100
 class Verdict(StrEnum):
     """Result of a verification."""
 
-    SOUND = "sound"
-    NOT_WHOLE = "not whole"
+    INTACT = "intact"
+    DAMAGED = "damaged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Verification:
     chunks: Annotated[int, NUMBER.of("Intact chunks")]
     segments: Annotated[int, NUMBER.of("Segments with an end")]
     samples: Annotated[int, NUMBER.of("Samples per channel")]
-    pulses: Annotated[int, NUMBER.of("Tacho edges with a time stamp of the counter")]
+    pulses: Annotated[int, NUMBER.of("Tacho edges with a timestamp of the counter")]
     findings: Annotated[tuple[Finding, ...], NUMBER.of("Faults and remarks, in file order")]
 
     @property
@@ -62,14 +62,14 @@ class Verification:
         return tuple(finding for finding in self.findings if finding.is_fault)
 
     @property
-    def is_sound(self) -> bool:
+    def is_intact(self) -> bool:
         """Whether the recording is intact."""
         return not self.faults
 
     @property
     def verdict(self) -> Annotated[Verdict, NUMBER.of("Verdict of the verification")]:
         """The result."""
-        return Verdict.SOUND if self.is_sound else Verdict.NOT_WHOLE
+        return Verdict.INTACT if self.is_intact else Verdict.DAMAGED
 
 
 def verify(path: Path, on_progress: Progress = ignore_progress) -> Verification:
@@ -152,10 +152,11 @@ class _Verifier:
         for record in self._file.records():
             start = record.offset - RECORD.size
             if start > stop:
-                what = (
-                    f"the records break off; the index lists the next one {start - stop} bytes later, at byte {start}"
+                yield Finding(
+                    Check.FILE,
+                    f"byte {stop}",
+                    f"the records break off; the index lists the next one {start - stop} bytes later, at byte {start}",
                 )
-                yield Finding(Check.FILE, f"byte {stop}", what)
             where, stop = f"byte {start}", record.offset + record.length
             self._on_progress(RECORDS_SHARE * stop / self._file.size)
             if record.opcode == Opcode.CHUNK:
@@ -223,8 +224,12 @@ class _Verifier:
         elif message.channel == PULSES_ID:
             yield from self._pulses.check_pulses(message.data, where)
         else:
-            what = f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}"
-            yield Finding(Check.INDEX, where, what, is_fault=False)
+            yield Finding(
+                Check.INDEX,
+                where,
+                f"a message of channel {message.channel}, expected 1 to {len(TOPICS)}",
+                is_fault=False,
+            )
 
     def _metadata_record(self, offset: int, length: int, where: str) -> Iterator[Finding]:
         record = self._file.metadata_at(offset, length)
@@ -267,16 +272,29 @@ class _Verifier:
             return
         ends = tuple(segment_end_from_json(end) for end in record["segments"])
         if record["samples"] != self._continuity.samples:
-            what = f"{self._continuity.samples} samples per channel, expected {record['samples']}"
-            yield Finding(Check.COUNTS, "whole file", what)
+            yield Finding(
+                Check.COUNTS,
+                "whole file",
+                f"{self._continuity.samples} samples per channel, expected {record['samples']}",
+            )
         if record.get("pulses", 0) != self._pulses.count:  # missing in older files
-            what = f"{self._pulses.count} stamps of the tacho's counter, expected {record.get('pulses', 0)}"
-            yield Finding(Check.COUNTS, "whole file", what)
+            yield Finding(
+                Check.COUNTS,
+                "whole file",
+                f"{self._pulses.count} timestamps of the tacho's counter, expected {record.get('pulses', 0)}",
+            )
         if ends != self._continuity.ends:
-            what = f"the {len(self._continuity.ends)} segment ends differ from the {len(ends)} of {END_RECORD}"
-            yield Finding(Check.COUNTS, "whole file", what)
+            yield Finding(
+                Check.COUNTS,
+                "whole file",
+                f"the {len(self._continuity.ends)} segment ends differ from the {len(ends)} of {END_RECORD}",
+            )
         if not record["complete"]:
             yield Finding(Check.COUNTS, END_RECORD, "the file was closed before its last segment ended")
         if record["skipped_samples"]:
-            what = f"the live analysis skipped {record['skipped_samples']} samples; they are in the file"
-            yield Finding(Check.COUNTS, END_RECORD, what, is_fault=False)
+            yield Finding(
+                Check.COUNTS,
+                END_RECORD,
+                f"the live analysis skipped {record['skipped_samples']} samples; they are in the file",
+                is_fault=False,
+            )

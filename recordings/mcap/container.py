@@ -233,11 +233,6 @@ class Container:
         """Whether the file begins with MCAP's magic bytes."""
         return self.read(0, len(MAGIC)) == MAGIC
 
-    @property
-    def data_stop(self) -> int:
-        """Offset of the summary, bytes; the file's size without an intact summary."""
-        return self._summary_start or self.size
-
     @cached_property
     def _metadata_records(self) -> list[Metadata]:
         locations = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
@@ -255,21 +250,13 @@ class Container:
 
     def messages(self, chunk: ChunkLocation) -> Iterator[StoredMessage]:
         """Yield the messages of a chunk in the order of writing; DamagedError if its checksum does not match."""
-        data = self._chunk_data(chunk)
-        position = 0
-        while position < len(data):
-            if position + RECORD.size > len(data):
-                raise self._damaged(chunk)
-            opcode, length = RECORD.unpack_from(data, position)
-            position += RECORD.size
-            if position + length > len(data):
-                raise self._damaged(chunk)
-            if opcode == Opcode.MESSAGE:
-                if length < MESSAGE.size:
-                    raise self._damaged(chunk)
-                channel, _, log_time, _ = MESSAGE.unpack_from(data, position)
-                yield StoredMessage(channel, log_time, data[position + MESSAGE.size : position + length])
-            position += length
+        try:
+            for opcode, content in _split_records(self._chunk_data(chunk)):
+                if opcode == Opcode.MESSAGE:
+                    channel, _, log_time, _ = MESSAGE.unpack_from(content)
+                    yield StoredMessage(channel, log_time, bytes(content[MESSAGE.size :]))
+        except struct.error as error:
+            raise self._damaged(chunk) from error
 
     def close(self) -> None:
         """Close the file; harmless when closed already."""
@@ -379,13 +366,7 @@ class Container:
     def summary(self, wanted: Opcode) -> Iterator[bytes]:
         """Yield the contents of the summary's records with this opcode."""
         data = self.read(self._summary_start, self._summary_stop - self._summary_start)
-        position = 0
-        while position < len(data):
-            opcode, length = RECORD.unpack_from(data, position)
-            position += RECORD.size
-            if opcode == wanted:
-                yield data[position : position + length]
-            position += length
+        return (bytes(content) for opcode, content in _split_records(data) if opcode == wanted)
 
     def metadata_at(self, offset: int, length: int) -> Metadata | None:
         """Return the metadata record at an offset; None if it cannot be read."""
@@ -420,6 +401,18 @@ class Container:
 
     def _damaged(self, chunk: ChunkLocation) -> DamagedError:
         return DamagedError(f"{self.path}: the {chunk.length} bytes from byte {chunk.offset} on are damaged")
+
+
+def _split_records(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """Yield opcode and content of each record; struct.error if the last is truncated."""
+    view, position = memoryview(data), 0
+    while position < len(data):
+        opcode, length = RECORD.unpack_from(data, position)
+        position += RECORD.size
+        if position + length > len(data):
+            raise struct.error(f"a record of {length} bytes, {len(data) - position} of them present")
+        yield opcode, view[position : position + length]
+        position += length
 
 
 def has_end_magic(path: Path) -> bool:

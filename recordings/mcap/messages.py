@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import TypeVar
 
 import numpy as np
@@ -126,7 +126,7 @@ def message_definitions() -> bytes:
 
 def encode_block(block: SampleBlock) -> bytes:
     """Return a block as a serialised message."""
-    message = rig_pb2.SampleBlock(
+    return rig_pb2.SampleBlock(
         segment=block.segment,
         first_sample=block.first_sample,
         channels=block.codes.shape[0],
@@ -135,8 +135,7 @@ def encode_block(block: SampleBlock) -> bytes:
         codes=pack_codes(block.codes),
         host_time_ns=block.host_time_ns,
         backlog=block.backlog,
-    )
-    return message.SerializeToString()
+    ).SerializeToString()
 
 
 @message_errors()
@@ -155,15 +154,7 @@ def block_span(data: bytes) -> tuple[int, int]:
 
 def encode_segment_end(end: SegmentEnd) -> bytes:
     """Return a segment end as a serialised message."""
-    message = rig_pb2.SegmentEnd(
-        segment=end.segment,
-        samples=end.samples,
-        reason=end.reason.value,
-        lost=end.lost,
-        lost_is_exact=end.lost_is_exact,
-        detail=end.detail,
-    )
-    return message.SerializeToString()
+    return rig_pb2.SegmentEnd(**asdict(end)).SerializeToString()
 
 
 @message_errors()

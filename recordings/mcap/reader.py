@@ -1,4 +1,4 @@
-"""Reading run files, finished or cut short: header, samples, pulses, markers and recorded results."""
+"""Reading run files, finished or truncated: header, samples, pulses, markers and recorded results."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.signals.blocks import ClockError, DeliveryStatistics, EndReason, SampleBlock, SegmentEnd, SourceItem
-from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
 from analysis.signals.units import PPM
 from recordings.errors import DamagedError, MessageError
@@ -45,7 +44,7 @@ RESULT_CHANNELS = frozenset({CHANNEL_IDS[FEATURES], CHANNEL_IDS[ORDER_FRAME]})
 class RunReader:
     """A recorded run, safe for several threads (each iterator for one).
 
-    A file that is cut short (its writer killed, the disk full, still being written) is read as far as it goes; its last
+    A truncated file (its writer killed, the disk full, still being written) is read as far as it goes; its last
     segment then ends with `EndReason.CUT`.
 
     Parameters
@@ -53,12 +52,25 @@ class RunReader:
     path : Path
         The file.
 
+    Attributes
+    ----------
+    header : RunHeader
+        The run's header.
+    segment_ends : tuple of SegmentEnd
+        End of each segment, in order.
+    is_complete : bool
+        Whether the run was finished properly: every segment has its end, and the file its own.
+    skipped_samples : int
+        Samples per channel that the live analysis skipped: their results are missing, the samples are not.
+    delivery : DeliveryStatistics
+        Statistics of the transfer from the device; empty if the run was not finished.
+
     Raises
     ------
     NotFoundError
         If there is no such file.
     DamagedError
-        If it is empty, not MCAP, or cut before the first samples.
+        If it is empty, not MCAP, or ends before the first samples.
     UnknownFormatError
         If it is no run, or of a format version that this program does not read.
     StorageError
@@ -69,7 +81,7 @@ class RunReader:
         self.path = path
         self._container = Container(path)
         try:
-            self.header: RunHeader = self._read_header()
+            self.header = read_header(self._container)
             self._read_ends()
         except BaseException:
             self._container.close()
@@ -84,14 +96,9 @@ class RunReader:
         self.close()
 
     @property
-    def segment_ends(self) -> tuple[SegmentEnd, ...]:
-        """End of each segment, in order."""
-        return self._ends
-
-    @property
     def n_samples(self) -> int:
         """Samples per channel in all segments."""
-        return sum(end.samples for end in self._ends)
+        return sum(end.samples for end in self.segment_ends)
 
     @property
     def duration(self) -> float:
@@ -99,24 +106,9 @@ class RunReader:
         return self.n_samples / self.header.acquisition.rate
 
     @property
-    def is_complete(self) -> bool:
-        """Whether the run was finished properly: every segment has its end, and the file its own."""
-        return self._is_complete
-
-    @property
     def is_gap_free(self) -> bool:
         """Whether the run was finished properly and is one segment without a loss."""
-        return self._is_complete and len(self._ends) == 1 and self._ends[0].is_gap_free
-
-    @property
-    def skipped_samples(self) -> int:
-        """Samples per channel that the live analysis skipped: their results are missing, the samples are not."""
-        return self._skipped_samples
-
-    @property
-    def delivery(self) -> DeliveryStatistics:
-        """Statistics of the transfer from the device; empty if the run was not finished."""
-        return self._delivery
+        return self.is_complete and len(self.segment_ends) == 1 and self.segment_ends[0].is_gap_free
 
     def segment_started_ns(self, segment: int) -> int:
         """Return the start of a segment by sample time, ns since 1970; ValueError if there is no such segment."""
@@ -129,17 +121,15 @@ class RunReader:
 
         After damage, the rest of the segment is left out and its end counts it as lost.
         """
-        sequence = SequenceFilter({end.segment: end for end in self._ends})
+        sequence = SequenceFilter({end.segment: end for end in self.segment_ends})
         merger = PulseMerger(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
-            if message.channel in SAMPLE_CHANNEL:
-                with suppress(MessageError):  # an invalid message counts as lost
+            with suppress(MessageError):  # an invalid message counts as lost
+                if message.channel in SAMPLE_CHANNEL:
                     yield from sequence.add_block(merger.merge(self._block(message.data)))
-            elif message.channel in PULSE_CHANNEL:
-                with suppress(MessageError):
+                elif message.channel in PULSE_CHANNEL:
                     merger.add_pulses(message.data)
-            elif message.channel in END_CHANNEL:
-                with suppress(MessageError):
+                else:
                     yield from sequence.add_segment_end(decode_segment_end(message.data))
         yield from sequence.finish()
 
@@ -165,7 +155,7 @@ class RunReader:
         DamagedError
             If the file is damaged there.
         """
-        ends = {end.segment: end for end in self._ends}
+        ends = {end.segment: end for end in self.segment_ends}
         if segment not in ends:
             raise ValueError(f"segment: {segment}, expected one of {sorted(ends)}")
         if not 0 <= first <= stop <= ends[segment].samples:
@@ -204,13 +194,12 @@ class RunReader:
             time_ns = self._starts_ns[segment] + sample_time_ns(first, acquisition.rate)
             first_chunk = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
             for message in self._messages(PULSE_CHANNEL, first_chunk):
-                if message.channel in PULSE_CHANNEL:
-                    with suppress(MessageError):
-                        found = parse_message(rig_pb2.Pulses(), message.data)
-                        if (found.segment, found.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
-                            break
-                        if found.segment == segment:
-                            parts.append(np.array(found.ticks, dtype=np.int64))
+                with suppress(MessageError):
+                    found = parse_message(rig_pb2.Pulses(), message.data)
+                    if (found.segment, found.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
+                        break
+                    if found.segment == segment:
+                        parts.append(np.array(found.ticks, dtype=np.int64))
         ticks = np.concatenate(parts)
         low, high = first * acquisition.ticks_per_sample, stop * acquisition.ticks_per_sample
         return ticks[(ticks >= low) & (ticks < high)]
@@ -219,22 +208,18 @@ class RunReader:
         """Return the markers in time order; those in damaged chunks are missing."""
         markers = []
         for message in self._messages(MARKER_CHANNEL):
-            if message.channel in MARKER_CHANNEL:
-                with suppress(MessageError):
-                    markers.append(decode_marker(message.data))
+            with suppress(MessageError):
+                markers.append(decode_marker(message.data))
         return tuple(sorted(markers, key=lambda marker: (marker.segment, marker.sample)))
 
-    def snapshots(self) -> Iterator[Snapshot]:
-        """Yield the recorded snapshots, with an empty trace; those in damaged chunks are missing."""
-        return self._snapshots(0)
-
-    def _snapshots(self, first_chunk: int) -> Iterator[Snapshot]:
+    def snapshots(self, first_chunk: int = 0) -> Iterator[Snapshot]:
+        """Yield the recorded snapshots, from a chunk on, with an empty trace; those in damaged chunks are missing."""
         frame: rig_pb2.OrderFrame | None = None
         for message in self._messages(RESULT_CHANNELS, first_chunk):
             with suppress(MessageError):  # a result that cannot be read can be computed again
                 if message.channel == CHANNEL_IDS[ORDER_FRAME]:
                     frame = parse_message(rig_pb2.OrderFrame(), message.data)
-                elif message.channel == CHANNEL_IDS[FEATURES]:
+                else:
                     features = parse_message(rig_pb2.Features(), message.data)
                     belongs = frame is not None and (frame.segment, frame.sample) == (features.segment, features.sample)
                     yield decode_snapshot(features, frame if belongs else None)
@@ -251,7 +236,7 @@ class RunReader:
             return None
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
         first = self._container.chunks.last_before(RESULT_CHANNELS, time_ns - MARKERS_LEAD_NS)
-        for snapshot in self._snapshots(first):
+        for snapshot in self.snapshots(first):
             if (snapshot.segment, snapshot.sample) == (segment, sample):
                 return snapshot
             if (snapshot.segment, snapshot.sample) > (segment, sample):
@@ -262,23 +247,20 @@ class RunReader:
         """Close the file; no effect if closed already."""
         self._container.close()
 
-    def _read_header(self) -> RunHeader:
-        return read_header(self._container)
-
     def _read_ends(self) -> None:
         record = self._end_record()
-        self._is_complete = bool(record.get("complete", False))
-        self._skipped_samples = int(record.get("skipped_samples", 0))
-        self._delivery = DeliveryStatistics(
+        self.is_complete = bool(record.get("complete", False))
+        self.skipped_samples = int(record.get("skipped_samples", 0))
+        self.delivery = DeliveryStatistics(
             _clock_error(record), record.get("largest_backlog_s"), self.header.acquisition.buffer_time
         )
-        if self._is_complete:
-            self._ends = tuple(segment_end_from_json(end) for end in record["segments"])
+        if self.is_complete:
+            self.segment_ends = tuple(segment_end_from_json(end) for end in record["segments"])
         else:
-            self._ends = self._found_ends()
+            self.segment_ends = self._found_ends()
         self._starts_ns: dict[int, int] = {}
         start_ns = self.header.started_ns
-        for end in self._ends:
+        for end in self.segment_ends:
             self._starts_ns[end.segment] = start_ns
             start_ns += sample_time_ns(end.samples + end.lost, self.header.acquisition.rate)
 
@@ -296,48 +278,43 @@ class RunReader:
         """Return the segment ends of a file that was not finished, from its messages."""
         ends = {}
         for message in self._messages(END_CHANNEL):
-            if message.channel in END_CHANNEL:
-                with suppress(MessageError):
-                    end = decode_segment_end(message.data)
-                    ends[end.segment] = end
+            with suppress(MessageError):
+                end = decode_segment_end(message.data)
+                ends[end.segment] = end
         for chunk in reversed(self._container.chunks):
-            if chunk.may_contain(SAMPLE_CHANNEL) and (span := self._last_span(chunk)) is not None:
-                segment, samples = span
-                if segment not in ends:
-                    ends[segment] = cut_end(segment, samples)
+            span = None
+            with suppress(MessageError):
+                for message in self._messages_of(chunk, SAMPLE_CHANNEL):
+                    span = block_span(message.data)
+            if span is not None:
+                ends.setdefault(span[0], cut_end(*span))
                 break
         if not ends:
-            raise DamagedError(f"{self.path}: cut short or damaged: it breaks off before the first samples")
+            raise DamagedError(f"{self.path}: truncated or damaged: it ends before the first samples")
         return tuple(ends[segment] for segment in sorted(ends))
 
-    def _last_span(self, chunk: ChunkLocation) -> tuple[int, int] | None:
-        """Return segment and end of the last block of a chunk; None if it has no block."""
-        span = None
-        with suppress(DamagedError):
-            for message in self._container.messages(chunk):
-                if message.channel in SAMPLE_CHANNEL:
-                    span = block_span(message.data)
-        return span
-
     def _messages(self, channels: frozenset[int], first_chunk: int = 0) -> Iterator[StoredMessage]:
-        """Yield the messages of all chunks that may contain these channels; damaged chunks are left out."""
+        """Yield the messages of these channels, from a chunk on."""
         for chunk in self._container.chunks.starting_at(first_chunk):
-            if chunk.may_contain(channels):
-                with suppress(DamagedError):  # the callers notice what is missing
-                    yield from self._container.messages(chunk)
+            yield from self._messages_of(chunk, channels)
+
+    def _messages_of(self, chunk: ChunkLocation, channels: frozenset[int]) -> Iterator[StoredMessage]:
+        """Yield the messages of these channels in a chunk; none if it is damaged, which the callers notice."""
+        if chunk.may_contain(channels):
+            with suppress(DamagedError):
+                yield from (message for message in self._container.messages(chunk) if message.channel in channels)
 
     def _blocks_from(self, segment: int, sample: int) -> Iterator[SampleBlock]:
         """Yield the blocks of a segment, from the one with this sample on."""
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
         first_chunk = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
         for message in self._messages(SAMPLE_CHANNEL, first_chunk):
-            if message.channel in SAMPLE_CHANNEL:
-                with suppress(MessageError):
-                    block = self._block(message.data)
-                    if block.segment > segment:
-                        return
-                    if block.segment == segment and block.end > sample:
-                        yield block
+            with suppress(MessageError):
+                block = self._block(message.data)
+                if block.segment > segment:
+                    return
+                if block.segment == segment and block.end > sample:
+                    yield block
 
     def _block(self, data: bytes) -> SampleBlock:
         block = decode_block(data)

@@ -76,7 +76,7 @@ def read_header(container: Container) -> RunHeader:
         raise faults[0]
     if container.is_finished:
         raise UnknownFormatError(f"{container.path}: an MCAP file, but no run: it lacks the record {RUN_RECORD}")
-    raise DamagedError(f"{container.path}: cut short or damaged: the record {RUN_RECORD} at its start is missing")
+    raise DamagedError(f"{container.path}: truncated or damaged: the record {RUN_RECORD} at its start is missing")
 
 
 def decode_header(path: Path, entries: Mapping[str, str]) -> RunHeader:

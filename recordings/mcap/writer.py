@@ -3,6 +3,8 @@
 import json
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +86,9 @@ class RunWriter:
         self._failure = ""
         self._closed = False
         self._file = AppendOnlyFile(path)
-        try:
+        with self._writing():
             self._mcap = ChunkWriter(self._file, PROFILE, header.program)
             self._begin()
-        except OSError as error:
-            raise self._fail(error) from error
 
     @property
     def size(self) -> int:
@@ -110,26 +110,22 @@ class RunWriter:
         ValueError
             If the block is out of sequence or has another number of channels.
         """
-        if self._failure:
-            raise StorageError(self._failure)
-        self._check(block)
-        log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
-        pulses = self._pulses.encode(block)
-        if pulses is not None:
-            self._add(_message(PULSES, log_time, pulses))
-        self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
-        self._sequence += 1
-        self._next_sample = block.end
-        self._delivery.add_block(block)
-        self._since_flush += block.n_samples
-        self._since_results += block.n_samples
-        try:
+        with self._writing():
+            self._check(block)
+            log_time = self._starts_ns[self._segment] + sample_time_ns(block.first_sample, self._rate)
+            pulses = self._pulses.encode(block)
+            if pulses is not None:
+                self._add(_message(PULSES, log_time, pulses))
+            self._add(_message(SAMPLES, log_time, encode_block(block), self._sequence))
+            self._sequence += 1
+            self._next_sample = block.end
+            self._delivery.add_block(block)
+            self._since_flush += block.n_samples
+            self._since_results += block.n_samples
             if self._since_flush + block.n_samples > FLUSH_INTERVAL * self._rate or self._chunk_bytes >= CHUNK_BYTES:
                 self._flush()
                 if self._since_results >= RESULT_INTERVAL * self._rate:
                     self._flush_results()
-        except OSError as error:
-            raise self._fail(error) from error
 
     def write_segment_end(self, end: SegmentEnd) -> None:
         """Write the end of a segment; no effect after a failed write.
@@ -151,15 +147,13 @@ class RunWriter:
         start_ns = self._starts_ns[end.segment]
         log_time = start_ns + sample_time_ns(end.samples, self._rate)
         self._add(_message(SEGMENT_END, log_time, encode_segment_end(end), end.segment))
-        try:
+        with self._writing():
             self._flush()
             self._ends.append(end)
             self._segment += 1
             self._next_sample = self._written_samples = 0
             self._starts_ns[self._segment] = start_ns + sample_time_ns(end.samples + end.lost, self._rate)
             self._flush_results()
-        except OSError as error:
-            raise self._fail(error) from error
 
     def add_result(self, result: EncodedResult) -> None:
         """Queue a result, from any thread; it is written with later samples, at the latest by `close`.
@@ -178,12 +172,8 @@ class RunWriter:
         StorageError
             If it cannot be written; what was written before stays readable.
         """
-        if self._failure:
-            raise StorageError(self._failure)
-        try:
+        with self._writing():
             self._mcap.add_metadata(name, encode_metadata(document))
-        except OSError as error:
-            raise self._fail(error) from error
         self._file.commit()
 
     def close(self, skipped_samples: int = 0) -> None:
@@ -201,12 +191,10 @@ class RunWriter:
         """
         if self._closed:
             return
-        try:
+        with self._writing():
             self._flush()
             self._flush_results()
             self._finish(skipped_samples)
-        except OSError as error:
-            raise self._fail(error) from error
         self._closed = True
 
     def discard(self) -> None:
@@ -216,6 +204,16 @@ class RunWriter:
             self._file.roll_back()
         self._closed = True
         self.path.unlink(missing_ok=True)
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Finish the file if a write fails; StorageError then, and at once after an earlier failure."""
+        if self._failure:
+            raise StorageError(self._failure)
+        try:
+            yield
+        except OSError as error:
+            raise self._fail(error) from error
 
     def _begin(self) -> None:
         header = self._header
@@ -287,17 +285,7 @@ class RunWriter:
             "clock_error_ppm": None if clock is None else clock.error / PPM,
             "clock_uncertainty_ppm": None if clock is None else clock.uncertainty / PPM,
             "largest_backlog_s": delivery.backlog,
-            "segments": [
-                {
-                    "segment": end.segment,
-                    "samples": end.samples,
-                    "reason": end.reason.value,
-                    "lost": end.lost,
-                    "lost_is_exact": end.lost_is_exact,
-                    "detail": end.detail,
-                }
-                for end in self._ends
-            ],
+            "segments": [asdict(end) for end in self._ends],
         }
 
     def _finish(self, skipped_samples: int) -> None:

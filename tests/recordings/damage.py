@@ -36,7 +36,7 @@ def examine(path: Path, copy: Path, codes_of: CodesOf) -> Outcome:
     intact = intact_blocks(path, codes_of)
     try:
         verification = verify(path)
-        assert verification.verdict is Verdict.NOT_WHOLE
+        assert verification.verdict is Verdict.DAMAGED
         assert verification.faults
         n_read = _read(path, codes_of)
     except RecordingError as error:
@@ -48,7 +48,7 @@ def examine(path: Path, copy: Path, codes_of: CodesOf) -> Outcome:
         check_names_file(error, path)
         check_no_copy(copy, intact)
         return Outcome(n_read, 0, opens=False)
-    assert verify(copy).verdict is Verdict.SOUND
+    assert verify(copy).verdict is Verdict.INTACT
     with RunReader(copy) as reader:
         for segment in recovery.segments:
             codes = reader.samples(segment.segment, 0, segment.stop - segment.first)

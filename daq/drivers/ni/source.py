@@ -1,4 +1,4 @@
-"""The card as a source of sample blocks with the counter's stamps, and functions that list and test devices."""
+"""The card as a source of sample blocks with the counter's timestamps, and functions that list and test devices."""
 
 import datetime as dt
 import time
@@ -57,7 +57,7 @@ class CounterUnwrapper:
 
 
 class CounterStamps:
-    """The counter's stamps in one segment.
+    """The counter's timestamps in one segment.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class CounterStamps:
 
     def _reset(self) -> None:
         self._unwrapper = CounterUnwrapper(self._card.counter_wrap)
-        self._ahead = np.empty(0, np.int64)  # stamps of samples that have not been read yet
+        self._ahead = np.empty(0, np.int64)  # timestamps of samples that have not been read yet
         self._fault = ""
 
     def start(self, *, again: bool) -> None:
@@ -90,7 +90,7 @@ class CounterStamps:
             self.fail(0, error)
 
     def take_until(self, end: int, backlog: int) -> NDArray[np.int64] | None:
-        """Return the new stamps up to a sample, without waiting; None without a working counter.
+        """Return the new timestamps up to a sample, without waiting; None without a working counter.
 
         Parameters
         ----------
@@ -122,7 +122,9 @@ class CounterStamps:
     def fail(self, end: int, error: DeviceError) -> None:
         """Stop using the counter for the rest of the segment, from a sample on."""
         if self._counter is not None and not self._fault:
-            self._fault = f"the tacho's counter {self._counter.counter} gave no stamps from sample {end} on: {error}"
+            self._fault = (
+                f"the tacho's counter {self._counter.counter} gave no timestamps from sample {end} on: {error}"
+            )
 
     def with_fault(self, end: SegmentEnd) -> SegmentEnd:
         """Return the segment's end with a fault of the counter added to its detail."""

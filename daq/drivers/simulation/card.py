@@ -115,7 +115,7 @@ class SimulatedCard:
         return np.concatenate(parts, axis=1)
 
     def ticks(self, first: int, stop: int, begin: int = 0) -> NDArray[np.int64]:
-        """Return the counter's stamps of the edges in an interval of samples.
+        """Return the counter's timestamps of the edges in an interval of samples.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class SimulatedCard:
         counter, rate = self.acquisition.tacho.counter, self.acquisition.rate
         if counter is None or stop <= first or not self._wiring.reaches_counter:
             return np.empty(0, np.int64)
-        times = self._tacho.stamps(first / rate, stop / rate, counter.edge)
+        times = self._tacho.timestamps(first / rate, stop / rate, counter.edge)
         return np.floor((times - begin / rate) * counter.timebase).astype(np.int64)
 
     def _next_portion(self) -> NDArray[np.int16]:
@@ -261,7 +261,7 @@ class SimulatedSource:
         return SegmentEnd(segment, self._read, EndReason.STOPPED)
 
     def _ticks(self, before: int, first: int) -> NDArray[np.int64] | None:
-        """Return the counter's stamps since the segment's sample `first`; the segment begins at the run's `before`."""
+        """Return the counter's timestamps since sample `first` of the segment, which begins at the run's `before`."""
         if self.acquisition.tacho.counter is None:
             return None
         return self._card.ticks(before + first, self._card.n_read, before)

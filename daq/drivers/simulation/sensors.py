@@ -167,7 +167,7 @@ class SimulatedTacho:
         ends = np.stack([high + low - levels, levels], axis=1).ravel()
         return np.asarray(np.interp(time, np.maximum.accumulate(corners), ends), dtype=np.float64)
 
-    def stamps(self, first: float, last: float, edge: Edge) -> FloatArray:
+    def timestamps(self, first: float, last: float, edge: Edge) -> FloatArray:
         """Return the times, s, of the rising or falling edges in [first, last), in order."""
         numbers, times = self._edges(first, last)
         stamped = (numbers % 2 == 0) == (self.tacho.edge is edge)

@@ -21,8 +21,8 @@ SharedBytes: TypeAlias = "Array[c_char]"
 """Shared memory; a process can only get it as an argument when it is started."""
 
 _END_BYTES = 4096  # of the JSON of a segment end
-_TICKS = 512  # counter stamps per slot
-_NO_COUNTER = -1  # number of stamps where there is no counter
+_TICKS = 512  # counter timestamps per slot
+_NO_COUNTER = -1  # number of timestamps where there is no counter
 
 
 class _Header(Structure):
@@ -41,7 +41,11 @@ def _slot_type(n_channels: int, capacity: int) -> np.dtype[np.void]:
     """Return the memory layout of a slot, which holds a block or a segment end."""
     fields = [
         ("index", np.int64),  # written last: the number of the item in this slot, -1 while the slot changes
-        ("meta", np.int64, 7),  # segment, first sample, samples, host time, backlog, stamps, samples of earlier items
+        (
+            "meta",
+            np.int64,
+            7,
+        ),  # segment, first sample, samples, host time, backlog, timestamps, earlier samples
         ("ticks", np.int64, _TICKS),
         ("end", f"S{_END_BYTES}"),  # empty for a block
         ("codes", np.int16, (n_channels, capacity)),
@@ -96,7 +100,7 @@ class BlockRing:
         return bool(self._header.is_closed)
 
     def put(self, item: SourceItem) -> None:
-        """Publish an item, in pieces where a block has more samples or stamps than a slot holds."""
+        """Publish an item, in pieces where a block has more samples or timestamps than a slot holds."""
         n_channels, capacity = self._header.channels, self._header.capacity
         if isinstance(item, SegmentEnd):
             end = json.dumps(asdict(replace(item, detail=item.detail[:1000]))).encode()
@@ -105,7 +109,7 @@ class BlockRing:
         if item.codes.shape[0] != n_channels:
             raise ValueError(f"block of {item.codes.shape[0]} channels: the ring holds {n_channels}")
         ticks = item.ticks
-        while ticks is not None and ticks.size > _TICKS:  # surplus stamps go first: samples are never late
+        while ticks is not None and ticks.size > _TICKS:  # surplus timestamps go first: samples are never late
             self._publish_samples(item, 0, item.codes[:, :0], ticks[:_TICKS])
             ticks = ticks[_TICKS:]
         for start in range(0, item.n_samples, capacity):

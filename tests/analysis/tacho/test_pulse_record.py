@@ -159,9 +159,19 @@ def test_record_with_a_stop_is_refused_with_its_time() -> None:
         pulse_record(np.concatenate([marks, marks + 20.0]), TACHO)
 
 
-def test_times_that_do_not_rise_are_refused() -> None:
+def test_times_that_fall_are_refused() -> None:
     with pytest.raises(AmbiguousTachoError, match="pulse 2 at"):
-        pulse_record(np.array([0.0, 1.0, 1.0, 2.0]), TACHO)
+        pulse_record(np.array([0.0, 1.0, 0.9, 2.0]), TACHO)
+
+
+@pytest.mark.parametrize("missing", [[], [400]])
+def test_timestamp_delivered_twice_is_rejected_once(missing: list[int]) -> None:
+    marks = np.delete(run_up(1000), missing)
+    once, twice = pulse_record(marks, TACHO), pulse_record(np.insert(marks, [100, 700], marks[[100, 700]]), TACHO)
+    np.testing.assert_array_equal(twice.times, once.times)
+    np.testing.assert_array_equal(twice.numbers, once.numbers)
+    assert (once.rejected, twice.rejected) == (0, 2)
+    assert (twice.filled, twice.edges) == (len(missing), once.edges + 2)
 
 
 @pytest.mark.parametrize("times", [np.array([0.0, np.nan, 2.0]), np.zeros((2, 2))])

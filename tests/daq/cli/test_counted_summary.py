@@ -59,14 +59,14 @@ def test_counter_edges_are_exported_with_their_times(counted: RigFactory, tmp_pa
         times = part.column("time_s").values.astype(np.float64)
         assert 0 < times.size < truth.size
         assert ((times >= 1.0) & (times < 2.0)).all()
-        with pytest.raises(ForeignFormatError, match="no counter stamps"):
+        with pytest.raises(ForeignFormatError, match="no counter timestamps"):
             pulses_table(reader, 100.0, 200.0)
 
 
 def test_run_without_a_counter_has_no_edges_to_export(rig: RigFactory, tmp_path: Path) -> None:
     with (
         RunReader(recorded(rig(), tmp_path)) as reader,
-        pytest.raises(ForeignFormatError, match="no counter stamps"),
+        pytest.raises(ForeignFormatError, match="no counter timestamps"),
     ):
         pulses_table(reader)
 

@@ -77,7 +77,7 @@ def test_exported_run_is_imported_unchanged(
     assert "3 × 20 kS/s  2.0 s" in capsys.readouterr().out
     (imported,) = set(folder.glob("*.mcap")) - {folder / "original.mcap"}
     verification = verify(imported)
-    assert verification.verdict is Verdict.SOUND, verification.findings
+    assert verification.verdict is Verdict.INTACT, verification.findings
     assert not [finding for finding in verification.findings if "rails" in finding.what], "nothing is clipped"
     for name, before, after in zip(NAMES, engineering(folder / "original.mcap"), engineering(imported), strict=True):
         step = np.ptp(before) / 65_532
@@ -166,7 +166,7 @@ def test_labview_measurement_is_imported(
     }  # fmt: skip
     assert main(["import", str(tmp_path / "log.lvm"), "--mapping", str(mapping(sources, note="thesis"))]) == 0
     (path,) = folder.glob("*.mcap")
-    assert verify(path).verdict is Verdict.SOUND
+    assert verify(path).verdict is Verdict.INTACT
     with RunReader(path) as reader:
         acquisition = reader.header.acquisition
         assert (acquisition.rate, reader.header.note) == (RATE, "thesis")

@@ -18,7 +18,7 @@ def test_index_lists_new_damaged_and_missing_runs(run: Path, folder: Path, capsy
     assert capsys.readouterr().out == f"new       {RUN}\n{folder}: 1 runs, 0 unchanged\n"
     assert main(["runs", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
-    assert (found["run"], found["verdict"]) == (RUN, "sound")
+    assert (found["run"], found["verdict"]) == (RUN, "intact")
     run.unlink()
     (folder / "text.mcap").write_text("no recording")
     assert main(["index"]) == 5

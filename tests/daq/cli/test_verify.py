@@ -18,10 +18,10 @@ Captured = pytest.CaptureFixture[str]
 def test_verify_reports_a_sound_run(run: Path, capsys: Captured) -> None:
     assert main(["verify", RUN]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert re.fullmatch(rf"{run}: sound  40,000 samples per channel, 1 segment, \d+ intact chunks, 0\.\d MB", lines[0])
+    assert re.fullmatch(rf"{run}: intact  40,000 samples per channel, 1 segment, \d+ intact chunks, 0\.\d MB", lines[0])
     assert main(["verify", str(run), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
-    assert (report["run"], report["verdict"], report["samples"]) == (RUN, "sound", 40_000)
+    assert (report["run"], report["verdict"], report["samples"]) == (RUN, "intact", 40_000)
 
 
 def test_truncated_run_fails_verification_and_recovery_lists_what_is_missing(
@@ -30,7 +30,7 @@ def test_truncated_run_fails_verification_and_recovery_lists_what_is_missing(
     run.write_bytes(run.read_bytes()[: run.stat().st_size // 2])
     assert main(["verify", RUN]) == 5
     out = capsys.readouterr().out
-    assert f"{run}: not whole" in out
+    assert f"{run}: damaged" in out
     assert re.search(r"^fault  file        end of file: the index at the end is missing", out, re.MULTILINE)
     assert main(["recover", RUN]) == 5
     copy = folder / f"{RUN}-recovered.mcap"
@@ -55,7 +55,7 @@ def test_recovery_lists_the_samples_of_a_damaged_chunk(run: Path, folder: Path, 
     run.write_bytes(data)
     assert main(["index", "--verify"]) == 5
     assert main(["runs"]) == 0
-    assert re.search(rf"^{RUN} .* MB  not whole", capsys.readouterr().out, re.MULTILINE)
+    assert re.search(rf"^{RUN} .* MB  damaged", capsys.readouterr().out, re.MULTILINE)
     assert main(["recover", RUN, "-o", str(folder / "copy.mcap")]) == 5
     out = capsys.readouterr().out
     missing = re.search(r"^missing  segment 0: samples (\d+) to (\d+) \((\d+) per channel\)$", out, re.MULTILINE)

@@ -88,6 +88,6 @@ def test_simulated_tacho_must_cross_the_levels_of_the_line(rig_file: RigFiles) -
 def test_check_command_reports_the_source_of_the_speed(rig_file: RigFiles, capsys: Captured) -> None:
     assert main(["check", str(rig_file(tacho={"counter": {"reference": "counter"}}))]) == 0
     output = capsys.readouterr().out
-    assert "edges stamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in output
+    assert "edges timestamped by ctr0 on PFI0 to 12.5 ns; speed and phase from the counter" in output
     assert main(["check", "--json", str(rig_file(tacho={"counter": None}))]) == 0
     assert '"counter_resolution_ns": null' in capsys.readouterr().out

@@ -245,7 +245,7 @@ def check(bench: Bench, path: Path) -> int:
         assert reader.is_gap_free == (len(ends) == 1 and ends[0].is_gap_free)
         for end, codes, ticks, stamped in segments(reader):
             assert codes.shape[1] == end.samples
-            assert ("gave no stamps" in end.detail) == (stamped < end.samples), end
+            assert ("gave no timestamps" in end.detail) == (stamped < end.samples), end
             if end.samples:
                 generation = (int(codes[0, 0]) % 65536) // 257
                 np.testing.assert_array_equal(codes, codes_of(generation, 0, end.samples))

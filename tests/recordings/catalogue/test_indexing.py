@@ -100,7 +100,7 @@ def test_summary_and_verdict_are_deleted_when_a_file_changes(tmp_path: Path, rec
     catalogue = Catalogue(tmp_path)
     path = record("run", 1000)
     catalogue.index(summarise, verify_files=True)
-    assert catalogue.run("run").verdict == "sound"
+    assert catalogue.run("run").verdict == "intact"
     with RunReader(path) as reader:
         assert catalogue.run("run").largest == pytest.approx(summarise(reader).largest, nan_ok=True)
     assert ids([*catalogue.search(Search(onset_below=10_001 * RPM))]) == ["run"]
@@ -110,7 +110,7 @@ def test_summary_and_verdict_are_deleted_when_a_file_changes(tmp_path: Path, rec
     assert catalogue.run("run").largest is None
     assert catalogue.search(Search(onset_below=10_001 * RPM)) == []
     catalogue.index(summarise, verify_files=True)
-    assert catalogue.run("run").verdict == "not whole"
+    assert catalogue.run("run").verdict == "damaged"
     path.write_text("nothing")
     os.utime(path, (6000, 6000))
     catalogue.index(summarise, verify_files=True)

@@ -61,7 +61,7 @@ def ends(path: Path) -> list[tuple[int, EndReason, int, bool]]:
 
 
 def check_copy(path: Path, header: RunHeader, segments: tuple[RecoveredSegment, ...], codes_of: CodesOf) -> None:
-    assert verify(path).verdict is Verdict.SOUND
+    assert verify(path).verdict is Verdict.INTACT
     with RunReader(path) as reader:
         assert reader.header == header
         assert reader.is_complete
@@ -190,7 +190,7 @@ def test_markers_keep_their_time(tmp_path: Path, header: RunHeader, make_block: 
             (1, 15_000 - second.first),
             (2, 900),
         ]
-    assert verify(recovery.target).is_sound
+    assert verify(recovery.target).is_intact
 
 
 def test_a_copy_never_overwrites_a_file(run: Path, tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_a_copy_never_overwrites_a_file(run: Path, tmp_path: Path) -> None:
     assert (tmp_path / "copy.mcap").read_text() == "precious"
     with pytest.raises(StorageError, match="exists already"):
         recover(run, run)
-    assert verify(run).verdict is Verdict.SOUND
+    assert verify(run).verdict is Verdict.INTACT
 
 
 def test_a_run_without_intact_samples_is_an_error_and_leaves_no_copy(tmp_path: Path, header: RunHeader) -> None:

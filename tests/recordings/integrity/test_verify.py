@@ -1,4 +1,4 @@
-"""Verification: a sound recording passes, and every fault is reported with its position."""
+"""Verification: an intact recording passes, and every fault is reported with its position."""
 
 import math
 from collections.abc import Callable
@@ -38,14 +38,14 @@ def run(tmp_path: Path, header: RunHeader, make_block: MakeBlock, make_snapshot:
 
 def faults(path: Path) -> set[tuple[Check, str]]:
     verification = verify(path)
-    assert verification.verdict is (Verdict.NOT_WHOLE if verification.faults else Verdict.SOUND)
+    assert verification.verdict is (Verdict.DAMAGED if verification.faults else Verdict.INTACT)
     return {(finding.check, finding.what) for finding in verification.faults}
 
 
 def test_a_sound_run_has_no_faults_and_its_losses_are_reported(run: Path) -> None:
     verification = verify(run)
     assert verification.faults == ()
-    assert verification.verdict is Verdict.SOUND
+    assert verification.verdict is Verdict.INTACT
     assert (verification.segments, verification.samples, verification.size) == (2, 20_000, run.stat().st_size)
     assert verification.chunks >= 4
     assert "123 samples lost after sample 10000: overrun" in {finding.what for finding in verification.findings}
@@ -85,7 +85,7 @@ def test_a_damaged_chunk_is_reported_with_its_offset(run: Path) -> None:
     assert any(check is Check.COUNTS for check, _ in found)
 
 
-def test_a_cut_file_is_not_whole(run: Path) -> None:
+def test_a_truncated_file_is_damaged(run: Path) -> None:
     container = Container(run)
     second = container.chunks[1]
     container.close()
@@ -122,7 +122,7 @@ def test_a_damaged_copy_of_the_header_is_reported_and_the_other_is_used(run: Pat
     assert verify(run).run == header.run
 
 
-def test_a_file_closed_inside_a_segment_is_not_whole(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
+def test_a_file_closed_inside_a_segment_is_damaged(tmp_path: Path, header: RunHeader, make_block: MakeBlock) -> None:
     writer = RunWriter(tmp_path / "run.mcap", header)
     writer.write_block(make_block(0, 0, 1000))
     writer.close()
@@ -137,7 +137,7 @@ def test_a_different_second_copy_of_the_header_is_a_fault(
     writer.write_block(make_block(0, 0, 1000))
     writer.write_segment_end(SegmentEnd(0, 1000, EndReason.STOPPED))
     writer.close()
-    assert (Check.CRC, "header: analysis is missing") in faults(writer.path)
+    assert (Check.CRC, "header: rig is missing") in faults(writer.path)
 
 
 def test_a_file_that_is_no_recording_is_an_error(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def test_run_on_a_full_disk_is_finished(
     writer = RunWriter(path, header)
     n_given, message = write_until_full(writer, header, make_block, make_snapshot)
     assert message == f"{path}: cannot be written: No space left on device"
-    assert verify(path).verdict is Verdict.SOUND
+    assert verify(path).verdict is Verdict.INTACT
     with RunReader(path) as reader:
         assert reader.is_complete
         (end,) = reader.segment_ends
@@ -100,7 +100,7 @@ def test_run_is_finished_though_other_processes_fill_the_disk(
     (small_disk / "ballast").write_bytes(bytes(shutil.disk_usage(small_disk).free))
     _, message = write_until_full(writer, header, make_block, make_snapshot, first)
     assert "No space left on device" in message
-    assert verify(writer.path).verdict is Verdict.SOUND
+    assert verify(writer.path).verdict is Verdict.INTACT
     with RunReader(writer.path) as reader:
         assert reader.is_complete
         np.testing.assert_array_equal(reader.samples(0, 0, reader.n_samples), codes_of(0, 0, reader.n_samples))

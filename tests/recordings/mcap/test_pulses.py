@@ -1,4 +1,4 @@
-"""Counter stamps of the tacho edges in a run file: writing, reading, verification."""
+"""Counter timestamps of the tacho edges in a run file: writing, reading, verification."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -86,10 +86,10 @@ def test_blocks_are_read_with_their_stamps(run: Path, blocks: list[SampleBlock])
 
 def test_verification_counts_stamps_and_reports_a_failed_counter(run: Path) -> None:
     checked = verify(run)
-    assert checked.is_sound
+    assert checked.is_intact
     assert checked.pulses == stamps(0, 5 * BLOCK).size + stamps(0, 2 * BLOCK).size
     (finding,) = [finding for finding in checked.findings if "counter failed" in finding.what]
-    assert f"after {stamps(0, 2 * BLOCK).size} stamps, before sample 2000" in finding.what
+    assert f"after {stamps(0, 2 * BLOCK).size} timestamps, before sample 2000" in finding.what
     assert not finding.is_fault
 
 
@@ -162,7 +162,7 @@ def found(header: RunHeader, messages: list[rig_pb2.Pulses], blocks: list[Sample
         (rig_pb2.Pulses(ticks=[9, 8]), "from number 0 on do not increase"),
         (
             rig_pb2.Pulses(first_sample=77, ticks=[1]),
-            "of the block from sample 77 of segment 0, which does not follow",
+            "of the block from sample 77 of segment 0, which is missing",
         ),
         (
             rig_pb2.Pulses(ticks=[4_000_001]),
@@ -179,7 +179,7 @@ def test_inconsistent_stamps_are_reported(
 
 def test_stamps_without_a_counter_in_the_header_are_reported(header: RunHeader, blocks: list[SampleBlock]) -> None:
     findings = found(header, [rig_pb2.Pulses(ticks=[1])], blocks[:1])
-    assert "counter stamps, but the header has no counter" in findings
+    assert "counter timestamps, but the header has no counter" in findings
 
 
 def test_count_of_stamps_that_differs_from_the_end_record_is_a_fault(
@@ -192,7 +192,7 @@ def test_count_of_stamps_that_differs_from_the_end_record_is_a_fault(
     writer.close()
     (fault,) = verify(writer.path).faults
     assert fault.check is Check.COUNTS
-    assert f"{stamps(0, BLOCK).size} stamps" in fault.what
+    assert f"{stamps(0, BLOCK).size} timestamps" in fault.what
     assert f"expected {stamps(0, BLOCK).size + 1}" in fault.what
 
 

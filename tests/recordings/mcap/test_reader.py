@@ -251,7 +251,7 @@ def test_unknown_format_version_is_an_error(tmp_path: Path, version: str) -> Non
 
 def test_incomplete_header_is_reported_with_the_file(tmp_path: Path) -> None:
     write_foreign(tmp_path / "run.mcap", encode_metadata({"run": "a"}))
-    with pytest.raises(DamagedError, match=r"run\.mcap: header: analysis is missing"):
+    with pytest.raises(DamagedError, match=r"run\.mcap: header: rig is missing"):
         RunReader(tmp_path / "run.mcap")
 
 

@@ -46,7 +46,7 @@ def test_file_of_an_earlier_program_is_read_verified_and_recovered(
     path: Path, tmp_path: Path, header: RunHeader, codes_of: Callable[..., NDArray[np.int16]]
 ) -> None:
     ends = (SegmentEnd(0, 2000, EndReason.OVERRUN, 55), SegmentEnd(1, 2000, EndReason.STOPPED))
-    assert verify(path).is_sound
+    assert verify(path).is_intact
     copy = tmp_path / "copy.mcap"
     assert recover(path, copy).missing == ()
     for each in (path, copy):

@@ -104,7 +104,7 @@ def test_counter_failure_loses_stamps_but_no_sample(card: NiSource, server: Devi
     (end,) = ends_of(items)
     assert (end.reason, end.samples, end.is_gap_free) == (EndReason.STOPPED, 8 * 1499, True)
     assert [block.ticks is None for block in blocks] == [False] * 3 + [True] * 5
-    assert f"the tacho's counter ctr0 gave no stamps from sample {4 * 1499} on" in end.detail
+    assert f"the tacho's counter ctr0 gave no timestamps from sample {4 * 1499} on" in end.detail
     assert f"the driver's text of {code}" in end.detail
     assert server.tasks == []
 
@@ -141,7 +141,7 @@ def test_counter_that_failed_works_again_in_the_next_segment(card: NiSource, ser
     server.faults["ReadBinaryI16"].extend([0, 0, 0, -200279])
     items = take(card, 8)
     first, second = ends_of(items)
-    assert "gave no stamps from sample 2998 on" in first.detail
+    assert "gave no timestamps from sample 2998 on" in first.detail
     assert second.detail == ""
     assert ticks_of(items, 1).size > 0
 
@@ -151,7 +151,7 @@ def test_last_block_has_its_stamps_if_reading_the_backlog_fails(card: NiSource, 
     items = list(card.blocks())
     (end,) = ends_of(items)
     assert end.samples == 3 * 1499
-    assert "gave no stamps" not in end.detail
+    assert "gave no timestamps" not in end.detail
     np.testing.assert_array_equal(ticks_of(items), SimulatedCard(bench(counter=COUNTER)).ticks(0, end.samples))
 
 
@@ -160,7 +160,7 @@ def test_counter_that_does_not_start_loses_no_sample(card: NiSource, server: Dev
     items = take(card, 3)
     (end,) = ends_of(items)
     assert (end.samples, end.is_gap_free) == (3 * 1499, True)
-    assert "gave no stamps from sample 0 on" in end.detail
+    assert "gave no timestamps from sample 0 on" in end.detail
     assert all(item.ticks is None for item in items if isinstance(item, SampleBlock))
 
 

@@ -203,8 +203,8 @@ def test_export_result_can_be_downloaded_by_ranges(bench: RecordedBench) -> None
 
 def test_verification_job_stores_the_verdict(bench: RecordedBench) -> None:
     made = run_job(bench, kind="verification", run=RUN).json()
-    assert made["verdict"] == "sound"
-    assert Catalogue(bench.folder).run(RUN).verdict == "sound"
+    assert made["verdict"] == "intact"
+    assert Catalogue(bench.folder).run(RUN).verdict == "intact"
 
 
 def test_recovery_job_lists_the_recovered_copy(bench: RecordedBench) -> None:
@@ -222,7 +222,7 @@ def test_recovery_job_lists_the_recovered_copy(bench: RecordedBench) -> None:
 def test_index_job_reports_changes(bench: RecordedBench) -> None:
     made = run_job(bench, kind="index", verify=True).json()
     assert RUN not in made["missing"]
-    assert Catalogue(bench.folder).run(RUN).verdict == "sound"
+    assert Catalogue(bench.folder).run(RUN).verdict == "intact"
 
 
 def test_job_events_end_with_the_job(bench: RecordedBench) -> None:
@@ -350,7 +350,7 @@ def test_exported_table_equals_the_samples(bench: RecordedBench) -> None:
 def test_export_of_counter_timestamps_needs_a_run_that_has_them(bench: RecordedBench) -> None:
     failed = wait_for_job(bench, start_job(bench, kind="export", run=RUN, format="csv", content="pulses"))
     assert failed.state == "failed"
-    assert "has no counter stamps" in failed.detail
+    assert "has no counter timestamps" in failed.detail
 
 
 def test_verification_and_export_report_the_completed_fraction(bench: RecordedBench, tmp_path: Path) -> None:

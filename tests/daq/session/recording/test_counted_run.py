@@ -1,4 +1,4 @@
-"""Runs with counter stamps of the tacho: through ring, file, trigger and parts, bit for bit."""
+"""Runs with counter timestamps of the tacho: through ring, file, trigger and parts, bit for bit."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -247,7 +247,7 @@ def test_stamps_of_a_part_count_from_its_first_sample(counted: RigFactory, tmp_p
     card, begin = SimulatedCard(rig), 0
     for name in file_ids(path):
         part = path.with_name(f"{name}.mcap")
-        assert verify(part).is_sound
+        assert verify(part).is_intact
         with RunReader(part) as reader:
             np.testing.assert_array_equal(ticks_of(reader.items()), card.ticks(begin, begin + reader.n_samples, begin))
             begin += reader.n_samples
@@ -261,7 +261,7 @@ def test_recovered_copy_has_the_stamps_of_its_samples(counted: RigFactory, tmp_p
     path.write_bytes(whole[: len(whole) // 2])
     copy = tmp_path / "copy.mcap"
     recovered = recover(path, copy)
-    assert verify(copy).is_sound
+    assert verify(copy).is_intact
     with RunReader(copy) as reader:
         assert 0 < reader.n_samples == recovered.samples < 80_000
         ticks = reader.ticks(0, 0, reader.n_samples)
@@ -277,10 +277,10 @@ def test_recovered_stretches_have_the_stamps_of_their_samples(counted: RigFactor
     data = bytearray(path.read_bytes())
     data[len(data) // 2 : len(data) // 2 + 8] = bytes(8)
     path.write_bytes(data)
-    assert not verify(path).is_sound
+    assert not verify(path).is_intact
     copy = tmp_path / "copy.mcap"
     first, second = recover(path, copy).segments
-    assert verify(copy).is_sound
+    assert verify(copy).is_intact
     truth = ticks_of(items_of(rig))
     with RunReader(copy) as reader:
         per_sample = reader.header.acquisition.ticks_per_sample

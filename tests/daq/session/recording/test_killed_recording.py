@@ -73,10 +73,10 @@ def test_killed_recording_loses_a_quarter_second_at_most(
             assert not reader.is_complete
             assert reader.segment_ends[-1].reason is EndReason.CUT
             n_recorded = reader.n_samples
-        assert verify(path).verdict is Verdict.NOT_WHOLE
+        assert verify(path).verdict is Verdict.DAMAGED
         recovery = recover(path, tmp_path / "copy.mcap")
         assert recovery.samples == n_recorded
-        assert verify(recovery.target).verdict is Verdict.SOUND
+        assert verify(recovery.target).verdict is Verdict.INTACT
         recovery.target.unlink()
         path.unlink()
     print(f"{n_kills} kills: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
@@ -137,7 +137,7 @@ def test_command_killed_with_all_its_processes_loses_a_quarter_second_at_most(
             n_recorded = reader.n_samples
         recovery = recover(path, tmp_path / "copy.mcap")
         assert recovery.samples == n_recorded
-        assert verify(recovery.target).verdict is Verdict.SOUND
+        assert verify(recovery.target).verdict is Verdict.INTACT
         recovery.target.unlink()
         path.unlink()
     print(f"{n_kills} kills of all processes: worst loss {max(losses):.3f} s, mean {sum(losses) / n_kills:.3f} s")
