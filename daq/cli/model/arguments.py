@@ -102,10 +102,11 @@ def show_study(study: Study, *, as_json: bool) -> None:
 
 def save(plots: Sequence[Plot | Surface], file: Path) -> None:
     """Draw plots, one below the other, into an SVG, PNG or PDF file."""
-    from daq.reports.plots.study_plots import render
+    from daq.reports.plots.layouts import study_panels
+    from daq.reports.plots.render import render
 
     try:
         with atomic_write(file) as temporary:
-            temporary.write_bytes(render(plots, file.suffix.lower().removeprefix(".")))
+            temporary.write_bytes(render(study_panels(plots), file.suffix.lower().removeprefix(".")))
     except OSError as error:
         raise UsageError(f"{file}: {error.strerror or error}, expected a writable file") from error

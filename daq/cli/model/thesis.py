@@ -151,10 +151,11 @@ def _trends(trends: Iterable[Trend]) -> str:
 
 
 def _figure(one: Captioned, salt: str) -> str:
-    from daq.reports.plots.study_plots import render
+    from daq.reports.plots.layouts import study_panels
+    from daq.reports.plots.render import render
 
     caption, plots = one
-    svg = render(plots, "svg", salt).decode()
+    svg = render(study_panels(plots), "svg", salt=salt).decode()
     return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{escape(caption)}</figcaption></figure>"
 
 

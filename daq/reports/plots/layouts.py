@@ -5,7 +5,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+import numpy as np
+
 from daq.reports.plots.panel import FULL_TURN, MARGIN, Curve, Panel, Style, Values
+from model.studies import study
 
 FULL_SPECTRUM_LABEL = "order (negative: against the rotation)"
 LABEL_SPACING = 0.18  # of the largest vector, between speed labels of a polar plot
@@ -207,3 +210,45 @@ def _spaced(places: Sequence[tuple[float, float, float]]) -> list[tuple[str, flo
         if all(math.hypot(x - other[1], y - other[2]) > LABEL_SPACING * reach for other in written):
             written.append((f"{speed:,.0f}", x, y))
     return written
+
+
+TURN = (0.0, FULL_TURN)  # degrees
+_STYLES = {
+    study.Style.LINE: Style.LINE,
+    study.Style.DASHED: Style.DASHED,
+    study.Style.DOTTED: Style.DOTTED,
+    study.Style.POINTS: Style.DOTS,
+    study.Style.MARKERS: Style.MARKERS,
+    study.Style.REFERENCE: Style.GUIDE,
+}
+
+
+def study_panels(plots: Sequence[study.Plot | study.Surface]) -> list[Panel]:
+    """Return the plots of a model study as panels."""
+    return [_surface_panel(plot) if isinstance(plot, study.Surface) else _study_panel(plot) for plot in plots]
+
+
+def _surface_panel(plot: study.Surface) -> Panel:
+    guides = tuple(Curve("", guide.x, guide.y, Style.GUIDE) for guide in plot.guides)
+    ends = (float(plot.x[0]), float(plot.x[-1])), (float(plot.y[0]), float(plot.y[-1]))
+    return Panel(plot.title, plot.x_label, plot.y_label, guides, x_range=ends[0], y_range=ends[1], surface=plot)
+
+
+def _study_panel(plot: study.Plot) -> Panel:
+    """Return a plot as a panel; a series without a label has the colour of the previous one."""
+    number, curves = -1, []
+    for series in plot.series:
+        number += bool(series.label) or number < 0
+        colour = DISTINCT_COLOURS[number % len(DISTINCT_COLOURS)]
+        curves.append(Curve(series.label, series.x, series.y, _STYLES[series.style], colour))
+    x_range, y_range = plot.x_limits, plot.y_limits
+    if plot.is_square:
+        points = np.array([point for curve in curves for part in curve.segments() for point in part]).reshape(-1, 2)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        reach = 0.5 * MARGIN * float(np.ptp(points, axis=0).max())
+        x_range, y_range = ((float(at - reach), float(at + reach)) for at in middle)
+    return Panel(
+        plot.title, plot.x_label, plot.y_label, tuple(curves), is_square=plot.is_square, y_from_zero=False,
+        x_range=x_range, y_range=y_range, x_is_angle=x_range == TURN, y_is_angle=y_range == TURN,
+        x_is_log=plot.x_log, y_is_log=plot.y_log, empty_text=plot.empty_text,
+    )  # fmt: skip

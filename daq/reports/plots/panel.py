@@ -5,9 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum, StrEnum
 
+from analysis.signals import FloatArray
 from daq.colours import ON_WHITE, Color, hex_code
+from model.studies.study import Surface
 
-Values = Sequence[float | None]
+Values = Sequence[float | None] | FloatArray
 FULL_TURN = 360.0  # degrees
 MARGIN = 1.1  # end of a square panel's axes over the largest value
 POLAR_MARGIN = 1.25  # the same with labels around it
@@ -17,9 +19,12 @@ class Style(Enum):
     """Style of a curve."""
 
     LINE = "line"
+    DASHED = "dashed"
+    DOTTED = "dotted"
     GUIDE = "guide"  # dashed grey reference line with its name at the end
     DOTS = "dots"  # unconnected points
     KEYPHASOR = "keyphasor"  # bright dots on top, at the keyphasor mark
+    MARKERS = "markers"  # large dots in the colour of text, on top
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +78,8 @@ class Panel:
         Whether the ordinates begin at 0.
     x_range, y_range : tuple of float or None
         Ends of the axes; None: from the curves.
-    x_is_angle : bool
-        Whether the abscissas are an angle, degrees.
+    x_is_angle, y_is_angle : bool
+        Whether the abscissas, or the ordinates, are an angle, degrees.
     y_is_lag : bool
         Whether the ordinates are a phase lag, degrees: growing downwards, modulo a full turn.
     is_stacked : bool
@@ -83,6 +88,12 @@ class Panel:
         Direction of zero lag in a polar plot, rad. None: rectangular axes.
     notes : tuple
         Labels as text, abscissa and ordinate.
+    x_is_log, y_is_log : bool
+        Whether the axes are logarithmic.
+    surface : Surface or None
+        Colour map under the curves.
+    empty_text : str
+        Text shown if no curve has a point; empty: axes without curves.
     """
 
     title: str
@@ -95,16 +106,26 @@ class Panel:
     x_range: tuple[float, float] | None = None
     y_range: tuple[float, float] | None = None
     x_is_angle: bool = False
+    y_is_angle: bool = False
     y_is_lag: bool = False
     is_stacked: bool = False
     polar_zero: float | None = None
     notes: tuple[tuple[str, float, float], ...] = ()
+    x_is_log: bool = False
+    y_is_log: bool = False
+    surface: Surface | None = None
+    empty_text: str = ""
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is nothing to draw, and a text says so."""
+        return bool(self.empty_text) and not any(curve.segments() for curve in self.curves)
 
     def ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the ends of the x and y axes."""
         points = [point for curve in self.curves for segment in curve.segments() for point in segment] or [(0.0, 0.0)]
         xs, ys = [x for x, _ in points], [y for _, y in points]
-        if self.is_square:
+        if self.is_square and self.x_range is None:
             margin = MARGIN if self.polar_zero is None else POLAR_MARGIN
             reach = margin * max(*map(abs, xs), *map(abs, ys)) or 1.0
             return (-reach, reach), (-reach, reach)
@@ -114,34 +135,6 @@ class Panel:
         x_low, x_high = min(xs), max(xs)
         across = (x_low, x_high if x_high > x_low else x_low + 1.0)
         return self.x_range or across, self.y_range or (y_low - below, y_high + margin)
-
-    def tick_labels(self) -> tuple[list[tuple[float, str]], list[tuple[float, str]]]:
-        """Return value and label of the ticks of the x and y axes."""
-        (x_low, x_high), (y_low, y_high) = self.ranges()
-        xs = _quarters(x_low, x_high) if self.x_is_angle else ticks(x_low, x_high)
-        across = [(x, label(x)) for x in xs]
-        if self.y_is_lag:
-            return across, [(lag, label(lag % FULL_TURN)) for lag in _quarters(y_low, y_high)]
-        return across, [(y, label(y)) for y in ticks(y_low, y_high, 6 if self.is_square else 5)]
-
-
-def ticks(low: float, high: float, count: int = 6) -> list[float]:
-    """Return about ``count`` round numbers from ``low`` to ``high``."""
-    step = (high - low) / count
-    power = 10.0 ** math.floor(math.log10(step))
-    step = next((factor * power for factor in (1, 2, 5) if factor * power >= step), 10 * power)
-    first = math.ceil(low / step - 1e-9)
-    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
-
-
-def _quarters(low: float, high: float) -> list[float]:
-    """Return the multiples of 90 degrees between two angles, degrees."""
-    return [90.0 * k for k in range(math.ceil(low / 90.0), math.floor(high / 90.0) + 1)]
-
-
-def label(tick: float) -> str:
-    """Return the text of a tick, thousands separated by commas, with a true minus sign."""
-    return (f"{tick:,.6g}" if abs(tick) < 1e6 else f"{tick:g}").replace("-", "−")
 
 
 DEFAULT_WIDTH = 170.0  # mm

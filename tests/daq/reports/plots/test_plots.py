@@ -53,7 +53,6 @@ def test_lag_axis_points_down_and_curve_breaks_at_wrap() -> None:
     across = drawn(350.0, 10.0)
     assert across.y_is_lag
     assert across.ranges()[1] == (270.0, 630.0), "an axis that leaves the curve whole"
-    assert [words for _, words in across.tick_labels()[1]] == ["270", "0", "90", "180", "270"]
     assert list(across.curves[0].y) == pytest.approx([350.0, 370.0])
     all_round = drawn(10.0, 130.0, 250.0, 370.0, 490.0)
     assert [len(stretch) for stretch in all_round.curves[0].segments()] == [3, 2]

@@ -3,7 +3,9 @@
 import numpy as np
 
 from daq.cli.model.thesis import captioned_plot
-from daq.reports.plots.study_plots import draw, render
+from daq.reports.plots.layouts import study_panels
+from daq.reports.plots.panel import PlotStyle
+from daq.reports.plots.render import draw, render
 from model.studies.study import Plot, Series
 from model.studies.thesis.report import Curve, Figure
 
@@ -11,7 +13,7 @@ X = np.linspace(0.0, 1.0, 50)
 
 
 def test_legend_is_beside_lines() -> None:
-    figure = draw([Plot("title", "x", "y", (Series("one", X, X), Series("two", X, 1 - X)))])
+    figure = draw(study_panels([Plot("title", "x", "y", (Series("one", X, X), Series("two", X, 1 - X)))]), PlotStyle())
     figure.draw_without_rendering()
     (axes,) = figure.axes
     legend = axes.get_legend()
@@ -21,7 +23,7 @@ def test_legend_is_beside_lines() -> None:
 
 
 def test_axis_labels_are_complete() -> None:
-    figure = draw([Plot("title", "x", "y", (Series("", 8000 * X, 89.99 + 1e-3 * X),))])
+    figure = draw(study_panels([Plot("title", "x", "y", (Series("", 8000 * X, 89.99 + 1e-3 * X),))]), PlotStyle())
     figure.draw_without_rendering()
     (axes,) = figure.axes
     assert axes.yaxis.get_offset_text().get_text() == ""
@@ -32,25 +34,25 @@ def test_axis_labels_are_complete() -> None:
 def test_plot_without_lines_says_why() -> None:
     nothing = np.array([])
     _, (plot,) = captioned_plot(Figure("3.5", "rupture", "x", "y", (Curve("10 N", nothing, nothing),), "no cavity"))
-    (axes,) = draw([plot]).axes
+    (axes,) = draw(study_panels([plot]), PlotStyle()).axes
     assert [text.get_text() for text in axes.texts] == ["no cavity"]
     assert axes.get_xticks().size == 0
 
 
 def test_equal_curves_are_distinguishable() -> None:
     _, (plot,) = captioned_plot(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
-    (axes,) = draw([plot]).axes
+    (axes,) = draw(study_panels([plot]), PlotStyle()).axes
     assert len({str(line.get_linestyle()) + str(line.get_linewidth()) for line in axes.lines}) == 3
 
 
 def test_trajectory_has_one_scale_in_both_directions() -> None:
-    (axes,) = draw([Plot("title", "x", "y", (Series("", X, 3 * X),), is_square=True)]).axes
+    (axes,) = draw(study_panels([Plot("title", "x", "y", (Series("", X, 3 * X),), is_square=True)]), PlotStyle()).axes
     assert axes.get_aspect() == 1.0
 
 
 def test_ticks_of_logarithmic_axes_are_plain_text() -> None:
     plot = Plot("$title", "x", "y", (Series("one", X + 0.01, 10.0 ** (6 * X)),), x_log=True, y_log=True)
-    svg = render([plot], "svg").decode()
+    svg = render(study_panels([plot]), "svg").decode()
     assert "$title" in svg
     assert "mathdefault" not in svg
     assert ">1,000<" in svg
