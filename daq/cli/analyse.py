@@ -5,7 +5,7 @@ import re
 import time
 from enum import EnumType
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -40,6 +40,7 @@ examples: rig analyse orbit 2026-11-24T09-12-07-gj90c --speed-rpm 11000
           rig analyse orbit RUN --filter orders --orders 1 -o orbit.svg
           rig analyse bode RUN --order 2 --slow-roll-rpm 900 -o bode.png
           rig analyse cascade RUN --lines full -o full-cascade.svg
+          rig analyse cascade RUN --source recorded -o quick-look.svg
           rig analyse envelopes RUN --orders 0.49,1,2 -o orders.csv
 """
 
@@ -88,7 +89,8 @@ def run_analyse(args: argparse.Namespace, console: TerminalOutput) -> int:
 def add_parameters(command: argparse.ArgumentParser, model: type[BaseModel]) -> None:
     """Add an option for each field of a model of parameters."""
     for field, info in model.model_fields.items():
-        if field != FORMAT_PARAMETER:
+        has_choice = get_origin(info.annotation) is not Literal  # a single source of an analysis
+        if has_choice and field != FORMAT_PARAMETER:
             choices = [each.value for each in type(info.default)] if isinstance(type(info.default), EnumType) else None
             default = "" if info.default is None else f" (default: {info.default})"
             text = PARAMETER_NAME.sub(lambda named: _option(named[1]), f"{info.description}{default}")

@@ -2,7 +2,6 @@
 
 import gzip
 import io
-import re
 from collections.abc import Mapping
 from functools import lru_cache
 from importlib import import_module
@@ -27,7 +26,6 @@ from recordings.exchange.table import Column, Table
 from recordings.mcap.reader import RunReader
 
 ANALYSIS_CACHE_SIZE = 8
-ANALYSIS_PATH = re.compile(r"(analyses/([a-z-]+))\.([a-z]+)")
 GZIP_LEVEL = 4
 MAX_VALUES = {SampleFormat.JSON: 100_000, SampleFormat.NPZ: 6_000_000, SampleFormat.ARROW: 6_000_000}
 
@@ -35,14 +33,11 @@ Codes = NDArray[np.int16]
 Columns = Mapping[str, NDArray[Any]]
 
 
-def analysis_response(path: Path, what: str, query: AnalysisQuery) -> bytes:
-    """Return the response body for a path with a suffix, such as "analyses/orbit.svg"."""
-    match = ANALYSIS_PATH.fullmatch(what)
-    if match is None:
-        raise ValueError(f"what: {what!r}, expected an analysis and its format, such as analyses/orbit.svg")
+def analysis_body(path: Path, kind: str, query: AnalysisQuery) -> bytes:
+    """Return an analysis in the format and appearance of its query, by default JSON; its numbers are cached."""
     status = file_status(path)
-    run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, match[2], query.without_appearance())
-    return encode_analysis(analysis, run, match[2], AnalysisFormat(match[3]), query.plot_style())
+    run, analysis = _cached_analysis(path, status.st_size, status.st_mtime_ns, kind, query.without_appearance())
+    return encode_analysis(analysis, run, kind, query.format or AnalysisFormat.JSON, query.plot_style())
 
 
 def run_analysis(

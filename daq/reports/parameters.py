@@ -1,10 +1,19 @@
 """Query parameters of the results and analyses of a recorded run, for REST and the command line."""
 
 from enum import StrEnum
-from typing import Annotated, Final, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from analysis.signals.header import WindowName
 from analysis.spectra.order_map import Scaling
@@ -18,6 +27,11 @@ MAX_SPEED_RPM = 1e6  # r/min
 
 
 FromTime = Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])]
+Duration = Annotated[
+    float | None,
+    Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[60.0]),
+]
+Rows = Annotated[int, Field(description="Maximum number of speed or time bins", ge=1, le=400, examples=[100])]
 
 
 class QueryParameters(BaseModel):
@@ -61,48 +75,11 @@ class TrendQuery(QueryParameters):
     """Parameters of the trend over time."""
 
     segment: Segment = None
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
-        0.0
-    )
-    duration_s: Annotated[
-        float | None,
-        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[60.0]),
-    ] = None
+    from_s: FromTime = 0.0
+    duration_s: Duration = None
     entries: Annotated[
         int, Field(description="Approximate maximum number of entries", ge=1, le=5000, examples=[600])
     ] = 600
-
-
-class SpectrumMapQuery(QueryParameters):
-    """Size and orders of a map of spectra."""
-
-    rows: Annotated[int, Field(description="Maximum number of speed or time bins", ge=1, le=400, examples=[100])] = 100
-    columns: Annotated[int, Field(description="Maximum number of orders", ge=1, le=1024, examples=[256])] = 256
-    highest_order: Annotated[float | None, Field(description="Highest order", ge=0, le=1000, examples=[4.0])] = None
-    full: Annotated[
-        bool,
-        Field(
-            description="Full spectra: forward (positive orders) and backward (negative orders)",
-            examples=[False],
-        ),
-    ] = False
-
-
-class RecordedCascadeQuery(SpectrumMapQuery):
-    """Parameters of the recorded spectra over speed."""
-
-
-class RecordedWaterfallQuery(SpectrumMapQuery):
-    """Parameters of the recorded spectra over time."""
-
-    segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
-        0.0
-    )
-    duration_s: Annotated[
-        float | None,
-        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[60.0]),
-    ] = None
 
 
 class SampleUnit(StrEnum):
@@ -190,9 +167,28 @@ class MapLines(StrEnum):
     FREQUENCIES = "frequencies"
 
 
+class Source(StrEnum):
+    """What an analysis is computed from."""
+
+    SAMPLES = "samples"
+    RECORDED = "recorded"
+
+
 class AnalysisQuery(QueryParameters):
     """Base of the parameters of all analyses."""
 
+    only_recorded: ClassVar[frozenset[str]] = frozenset()
+    """Names of the parameters that only `Source.RECORDED` takes."""
+    only_samples: ClassVar[frozenset[str]] = frozenset()
+    """Names of the parameters that only `Source.SAMPLES` takes."""
+
+    source: Annotated[
+        Source,
+        Field(
+            description="samples: computed from the run's samples; recorded: as the live analysis stored it, at once",
+            examples=["samples"],
+        ),
+    ] = Source.SAMPLES
     format: Annotated[AnalysisFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
     theme: Annotated[Theme, Field(description="Background of a plot", examples=["light"])] = Theme.LIGHT
     figure_width_mm: Annotated[
@@ -202,14 +198,35 @@ class AnalysisQuery(QueryParameters):
         float, Field(description="Resolution of a PNG plot, pixels per inch", ge=50, le=600, examples=[200.0])
     ] = DEFAULT_DPI
 
+    @model_validator(mode="after")
+    def _refuse_parameters_of_the_other_source(self) -> Self:
+        is_recorded = self.source is Source.RECORDED
+        other, refused = (Source.SAMPLES, self.only_samples) if is_recorded else (Source.RECORDED, self.only_recorded)
+        error = PydanticCustomError("source", "only source={other} takes it", {"other": other.value})
+        faults = [
+            InitErrorDetails(type=error, loc=(name,), input=getattr(self, name))
+            for name in sorted(refused & self.model_fields_set)
+        ]
+        if faults:
+            raise ValidationError.from_exception_data(type(self).__name__, faults)
+        return self
+
     def plot_style(self) -> PlotStyle:
         """Return the appearance of a plot."""
         return PlotStyle(self.theme, self.figure_width_mm, self.dpi)
 
     def without_appearance(self) -> Self:
         """Return the parameters that the numbers depend on; the others have their defaults."""
-        defaults = {name: AnalysisQuery.model_fields[name].default for name in AnalysisQuery.model_fields}
-        return self.model_copy(update=defaults)
+        appearance = AnalysisQuery.model_fields.keys() - {"source"}
+        return self.model_copy(update={name: AnalysisQuery.model_fields[name].default for name in appearance})
+
+
+class SampledQuery(AnalysisQuery):
+    """Base of the parameters of analyses that a recording does not store."""
+
+    source: Annotated[
+        Literal[Source.SAMPLES], Field(description="Computed from the run's samples", examples=["samples"])
+    ] = Source.SAMPLES
 
 
 class ShaftAngleQuery(AnalysisQuery):
@@ -229,13 +246,8 @@ class TimeIntervalQuery(AnalysisQuery):
     """Base of the parameters of analyses over a time interval."""
 
     segment: Segment = None
-    from_s: Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])] = (
-        0.0
-    )
-    duration_s: Annotated[
-        float | None,
-        Field(description="Duration, s; to the end of the segment where omitted", gt=0, le=MAX_TIME, examples=[None]),
-    ] = None
+    from_s: FromTime = 0.0
+    duration_s: Duration = None
 
 
 class ShaftAngleIntervalQuery(TimeIntervalQuery, ShaftAngleQuery):
@@ -248,6 +260,8 @@ class FrameAnalysisQuery(FrameQuery, ShaftAngleQuery):
 
 class OrderSpectrumQuery(FrameAnalysisQuery):
     """Parameters of the order spectrum."""
+
+    only_samples = frozenset({"slow_roll_rpm", "revolutions", "highest_order", "window", "scaling"})
 
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
@@ -263,11 +277,13 @@ class OrderSpectrumQuery(FrameAnalysisQuery):
 class FullSpectrumQuery(FrameAnalysisQuery):
     """Parameters of the full spectrum."""
 
+    only_samples = frozenset({"slow_roll_rpm", "revolutions", "highest_order"})
+
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 8.0
 
 
-class FrequencySpectrumQuery(TimeIntervalQuery):
+class FrequencySpectrumQuery(SampledQuery, TimeIntervalQuery):
     """Parameters of the frequency spectrum averaged over a time interval; needs no tacho."""
 
     resolution_hz: Annotated[float, Field(description="Line spacing, Hz", ge=0.1, le=1000, examples=[2.0])] = 2.0
@@ -285,6 +301,8 @@ class OrbitFilter(StrEnum):
 class OrbitQuery(FrameAnalysisQuery):
     """Parameters of the orbit."""
 
+    only_samples = frozenset({"slow_roll_rpm", "filter", "orders", "revolutions"})
+
     filter: Annotated[
         OrbitFilter,
         Field(
@@ -299,19 +317,19 @@ class OrbitQuery(FrameAnalysisQuery):
     revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4
 
 
-class AverageQuery(FrameAnalysisQuery):
+class AverageQuery(SampledQuery, FrameAnalysisQuery):
     """Parameters of the synchronous average."""
 
     revolutions: Annotated[int, Field(description="Number of revolutions averaged", ge=8, le=1024)] = 64
 
 
-class PoincareQuery(FrameAnalysisQuery):
+class PoincareQuery(SampledQuery, FrameAnalysisQuery):
     """Parameters of the Poincaré section."""
 
     revolutions: Annotated[int, Field(description="Number of revolutions, one point each", ge=48, le=4096)] = 128
 
 
-class SlowRollQuery(AnalysisQuery):
+class SlowRollQuery(SampledQuery):
     """Parameters of the run-out of the slow roll."""
 
     segment: Segment = None
@@ -324,10 +342,19 @@ class SlowRollQuery(AnalysisQuery):
 class MapQuery(ShaftAngleIntervalQuery):
     """Base of the parameters of spectra over speed or time."""
 
+    only_samples = frozenset({"slow_roll_rpm", "revolutions", "resolution_hz", "highest_hz"})
+    only_recorded = frozenset({"columns"})
+
     lines: Annotated[
         MapLines,
-        Field(description="orders: the larger of the probes; full: forward and backward orders; frequencies"),
+        Field(
+            description="orders: the larger of the probes; full: forward and backward orders; frequencies, only from "
+            "samples"
+        ),
     ] = MapLines.ORDERS
+    columns: Annotated[
+        int, Field(description="Maximum number of orders, thinned to it", ge=1, le=1024, examples=[256])
+    ] = 256
     revolutions: Revolutions = 16
     highest_order: HighestOrder = 4.0
     resolution_hz: Annotated[
@@ -335,28 +362,41 @@ class MapQuery(ShaftAngleIntervalQuery):
     ] = 4.0
     highest_hz: Annotated[float, Field(description="Highest frequency of frequency spectra, Hz", ge=1, le=1e6)] = 1000.0
 
+    @field_validator("lines")
+    @classmethod
+    def _require_recorded_lines(cls, lines: MapLines, info: ValidationInfo) -> MapLines:
+        if lines is MapLines.FREQUENCIES and info.data.get("source") is Source.RECORDED:
+            raise PydanticCustomError("lines", "expected orders or full with source=recorded")
+        return lines
+
 
 class CascadeQuery(MapQuery):
     """Parameters of the spectra over speed."""
 
+    only_samples = MapQuery.only_samples | {"segment", "from_s", "duration_s", "width_rpm"}
+    only_recorded = MapQuery.only_recorded | {"rows"}
+
     width_rpm: Width = 200.0
+    rows: Rows = 100
 
 
 class WaterfallQuery(MapQuery):
     """Parameters of the spectra over time."""
 
-    rows: Annotated[int, Field(description="Maximum number of time bins", ge=1, le=400)] = 100
+    rows: Rows = 100
 
 
 class VectorsQuery(ShaftAngleIntervalQuery):
     """Parameters of the vectors of one order over speed."""
+
+    only_samples = frozenset({"segment", "from_s", "duration_s", "slow_roll_rpm", "width_rpm", "revolutions"})
 
     order: Order = 1.0
     width_rpm: Width = 100.0
     revolutions: Revolutions = 16
 
 
-class BifurcationQuery(ShaftAngleIntervalQuery):
+class BifurcationQuery(SampledQuery, ShaftAngleIntervalQuery):
     """Parameters of the bifurcation diagram."""
 
     averaging_revolutions: Annotated[
@@ -364,7 +404,7 @@ class BifurcationQuery(ShaftAngleIntervalQuery):
     ] = 64
 
 
-class CentrelineQuery(ShaftAngleIntervalQuery):
+class CentrelineQuery(SampledQuery, ShaftAngleIntervalQuery):
     """Parameters of the shaft centreline."""
 
     revolutions: Annotated[
@@ -383,13 +423,13 @@ class CentrelineQuery(ShaftAngleIntervalQuery):
     ] = None
 
 
-class SubSynchronousQuery(ShaftAngleIntervalQuery):
+class SubSynchronousQuery(SampledQuery, ShaftAngleIntervalQuery):
     """Parameters of the components below 1X."""
 
     revolutions: Revolutions = 16
 
 
-class OverallQuery(TimeIntervalQuery):
+class OverallQuery(SampledQuery, TimeIntervalQuery):
     """Parameters of the overall vibration over time; needs no tacho."""
 
     interval_s: Annotated[
@@ -397,7 +437,7 @@ class OverallQuery(TimeIntervalQuery):
     ] = 0.1
 
 
-class EnvelopesQuery(TimeIntervalQuery):
+class EnvelopesQuery(SampledQuery, TimeIntervalQuery):
     """Parameters of the envelopes of orders by the second-generation Vold-Kalman filter."""
 
     orders: Annotated[
@@ -428,7 +468,7 @@ class EnvelopesQuery(TimeIntervalQuery):
         return percent
 
 
-class WaveformsQuery(FrameQuery, AnalysisQuery):
+class WaveformsQuery(FrameQuery, SampledQuery):
     """Parameters of the waveforms of single orders."""
 
     orders: Annotated[

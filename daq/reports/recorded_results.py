@@ -1,133 +1,31 @@
-"""Trend, cascade and waterfall of the recorded results of a run, thinned to the resolution of a screen."""
-
-from collections.abc import Callable
-from pathlib import Path
+"""Results of a recorded run that are no analysis: its trend over time and its components below 1X."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.header import Role, RunHeader
-from analysis.signals.probes import ProbePair
-from analysis.signals.snapshot import OrderFrame, Snapshot
-from analysis.spectra.full_spectrum import full_spectrum
-from analysis.spectra.waterfall import order_axis
-from daq.reports.errors import DataNotFoundError
-from daq.reports.parameters import RecordedCascadeQuery, RecordedWaterfallQuery
+from daq.reports.parameters import TrendQuery
 from daq.reports.run_history import RunHistory
-from daq.schemas.results import CascadeSchema, TrendSchema, Values, WaterfallSchema
+from daq.schemas.results import TrendSchema, WhirlFindingsSchema
+from daq.schemas.summary import SubSynchronousSchema
 from daq.schemas.units import finite, lags_degrees, micrometres, rpm
-from daq.session.offline import results
-from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
 
 
-def cascade(path: Path, found: RunHistory, query: RecordedCascadeQuery) -> CascadeSchema:
-    """Return order spectra over speed, from 0 to the highest speed."""
-    has_frame = np.isfinite(found.frame_speed)
-    if not has_frame.any():
-        raise DataNotFoundError("no order spectrum in the run")
-    width = found.frame_speed[has_frame].max() / query.rows
-    orders, amplitudes, rows = _largest(path, found, _bins(found.frame_speed, width, query.rows), query)
-    return CascadeSchema(
-        run=found.header.run,
-        speeds_rpm=tuple(rpm(speed) for speed in ((rows + 0.5) * width).tolist()),
-        orders=orders,
-        amplitude_peak_um=amplitudes,
-    )
+def findings_schema(found: RunHistory) -> WhirlFindingsSchema:
+    """Return the components below 1X."""
+    findings = tuple(map(SubSynchronousSchema.of, found.summary.whirls))
+    return WhirlFindingsSchema(run=found.header.run, sub_synchronous=findings)
 
 
-def waterfall(path: Path, found: RunHistory, query: RecordedWaterfallQuery) -> WaterfallSchema:
-    """Return order spectra over the requested time interval."""
-    of_segment = (found.segment == query.segment) & np.isfinite(found.frame_speed)
+def trend_schema(found: RunHistory, query: TrendQuery) -> TrendSchema:
+    """Return the trend over time; each segment begins a new entry."""
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
-    chosen = of_segment & (found.time >= query.from_s) & (found.time <= end)
-    if not chosen.any():
-        raise DataNotFoundError(f"no order spectrum in segment {query.segment} from {query.from_s:g} s")
-    passed = np.where(chosen, found.time - query.from_s, np.nan)
-    width = max(np.nanmax(passed) / query.rows, 1e-9)
-    row_of = _bins(passed, width, query.rows)
-    orders, amplitudes, rows = _largest(path, found, row_of, query)
-    speeds = [found.frame_speed[row_of == row].mean() for row in rows]
-    return WaterfallSchema(
-        run=found.header.run,
-        segment=query.segment,
-        times_s=tuple(finite(time) for time in (query.from_s + (rows + 0.5) * width).tolist()),
-        speeds_rpm=tuple(rpm(speed) for speed in speeds),
-        orders=orders,
-        amplitude_peak_um=amplitudes,
-    )
-
-
-def _bins(values: FloatArray, width: float, rows: int) -> IntArray:
-    """Return the row of each value; the highest value falls into the last row, NaN gives -1."""
-    row = np.minimum(np.nan_to_num(values / width, nan=-1.0), rows - 1)
-    return np.floor(row).astype(np.intp)
-
-
-def _largest(
-    path: Path, found: RunHistory, row_of: IntArray, query: RecordedCascadeQuery | RecordedWaterfallQuery
-) -> tuple[Values, tuple[Values, ...], IntArray]:
-    """Return the orders of the columns, the largest amplitude of each cell, and the rows with frames.
-
-    Parameters
-    ----------
-    path : Path
-        The run's file.
-    found : RunHistory
-        Results of the run.
-    row_of : ndarray of int, shape (n,)
-        Row of each snapshot; -1 for none.
-    query : RecordedCascadeQuery or RecordedWaterfallQuery
-        Number of rows and columns, and type of the spectra.
-    """
-    orders, amplitude = _spectrum_of(found.header, full=query.full)
-    cells = np.zeros((query.rows, orders.size))
-    with RunReader(path) as reader:
-        snapshots = (item for item in results(reader) if isinstance(item, Snapshot))
-        for row, snapshot in zip(row_of.tolist(), snapshots, strict=False):
-            if row >= 0 and snapshot.frame is not None:
-                np.maximum(cells[row], amplitude(snapshot.frame), out=cells[row])
-    rows = np.unique(row_of[row_of >= 0])
-    shown = np.abs(orders) <= (np.inf if query.highest_order is None else query.highest_order)
-    orders, cells = orders[shown], cells[:, shown]
-    starts = np.arange(0, orders.size, -(-orders.size // query.columns))
-    thinned = np.maximum.reduceat(cells[rows], starts, axis=1)
-    table = tuple(tuple(micrometres(value) for value in row) for row in thinned.tolist())
-    return tuple(finite(order) for order in orders[starts].tolist()), table, rows
-
-
-def _spectrum_of(header: RunHeader, *, full: bool) -> tuple[FloatArray, Callable[[OrderFrame], FloatArray]]:
-    """Return the order axis and a function for a frame's amplitudes, m peak: larger probe, or radius if ``full``."""
-    orders = order_axis(header.settings)
-    if not full:
-        return orders, lambda frame: np.abs(frame.spectrum).max(axis=0)
-    x, y = (header.acquisition.channels[header.acquisition.row(role)] for role in (Role.PROBE_X, Role.PROBE_Y))
-    pair = ProbePair(x.angle, y.angle)
-    axis = np.concatenate([-orders[:0:-1], orders])
-    return axis, lambda frame: full_spectrum(frame.orders, frame.spectrum, pair).amplitudes
-
-
-def trend_schema(found: RunHistory, segment: int | None, begin: float, end: float, entries: int) -> TrendSchema:
-    """Return the trend over time.
-
-    Parameters
-    ----------
-    found : RunHistory
-        Results of the run.
-    segment : int or None
-        Only this segment.
-    begin, end : float
-        Only results between these times in their segment, s.
-    entries : int
-        Approximate maximum number of entries; each segment begins a new entry.
-    """
-    chosen = (found.time >= begin) & (found.time <= end)
-    if segment is not None:
-        chosen &= found.segment == segment
+    chosen = (found.time >= query.from_s) & (found.time <= end)
+    if query.segment is not None:
+        chosen &= found.segment == query.segment
     index = np.flatnonzero(chosen)
-    width = max(-(-index.size // entries), 1)
+    width = max(-(-index.size // query.entries), 1)
     position = np.arange(index.size)
     segments = found.segment[index]
     new_segment = np.flatnonzero(np.diff(segments, prepend=segments[:1] - 1))

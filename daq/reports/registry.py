@@ -1,12 +1,21 @@
-"""Registry of the analyses: title, description, columns, query parameters and function of each kind."""
+"""Registry of the analyses: title, description, columns, query parameters and functions of each kind, by source."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 from daq.reports.analysis_result import AnalysisResult
 from daq.reports.kinds.envelopes import analyse_envelopes, analyse_waveforms
 from daq.reports.kinds.orbits import analyse_bifurcation, analyse_centreline, analyse_orbit, analyse_poincare
+from daq.reports.kinds.recorded import (
+    recorded_bode,
+    recorded_cascade,
+    recorded_full_spectrum,
+    recorded_orbit,
+    recorded_order_spectrum,
+    recorded_polar,
+    recorded_waterfall,
+)
 from daq.reports.kinds.spectra import (
     analyse_cascade,
     analyse_frequency_spectrum,
@@ -30,11 +39,13 @@ from daq.reports.parameters import (
     OverallQuery,
     PoincareQuery,
     SlowRollQuery,
+    Source,
     SubSynchronousQuery,
     VectorsQuery,
     WaterfallQuery,
     WaveformsQuery,
 )
+from daq.reports.run_samples import RunSamples
 
 VECTORS: Final = (
     "ramp_direction",
@@ -51,6 +62,9 @@ VECTORS: Final = (
 )
 
 
+Analyse: TypeAlias = Callable[[RunSamples, Any], AnalysisResult]
+
+
 @dataclass(frozen=True, slots=True)
 class AnalysisKind:
     """A kind of analysis.
@@ -65,15 +79,24 @@ class AnalysisKind:
         Names of the table's columns with default parameters.
     parameters : type
         Its query parameters.
-    analyse : callable
+    analyse_samples : callable
         Computes the result from a run's samples and the query parameters.
+    analyse_recorded : callable or None
+        Returns it as the live analysis recorded it, for the same parameters; None if a recording does not store it.
     """
 
     title: str
     description: str
     columns: tuple[str, ...]
     parameters: type[AnalysisQuery]
-    analyse: Callable[..., AnalysisResult]
+    analyse_samples: Analyse
+    analyse_recorded: Analyse | None = None
+
+    def analyse(self, run: RunSamples, query: AnalysisQuery) -> AnalysisResult:
+        """Return the result from the source that the query names."""
+        if query.source is Source.RECORDED and self.analyse_recorded is not None:
+            return self.analyse_recorded(run, query)
+        return self.analyse_samples(run, query)
 
 
 KINDS: Final[Mapping[str, AnalysisKind]] = {
@@ -91,6 +114,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         ),
         OrderSpectrumQuery,
         analyse_order_spectrum,
+        recorded_order_spectrum,
     ),
     "full-spectrum": AnalysisKind(
         "Full spectrum",
@@ -98,6 +122,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         ("order", "amplitude_peak_um", "uncertain"),
         FullSpectrumQuery,
         analyse_full_spectrum,
+        recorded_full_spectrum,
     ),
     "frequency-spectrum": AnalysisKind(
         "Frequency spectrum",
@@ -112,6 +137,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         ("speed_rpm", "order", "amplitude_peak_um"),
         CascadeQuery,
         analyse_cascade,
+        recorded_cascade,
     ),
     "waterfall": AnalysisKind(
         "Waterfall",
@@ -119,6 +145,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         ("time_s", "order", "amplitude_peak_um"),
         WaterfallQuery,
         analyse_waterfall,
+        recorded_waterfall,
     ),
     "bode": AnalysisKind(
         "Bode plot of an order",
@@ -126,6 +153,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         VECTORS,
         VectorsQuery,
         analyse_bode,
+        recorded_bode,
     ),
     "polar": AnalysisKind(
         "Polar plot of an order",
@@ -133,6 +161,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         VECTORS,
         VectorsQuery,
         analyse_polar,
+        recorded_polar,
     ),
     "orbit": AnalysisKind(
         "Orbit",
@@ -140,6 +169,7 @@ KINDS: Final[Mapping[str, AnalysisKind]] = {
         ("revolution", "angle_deg", "time_s", "X_um", "Y_um"),
         OrbitQuery,
         analyse_orbit,
+        recorded_orbit,
     ),
     "centreline": AnalysisKind(
         "Shaft centreline",

@@ -189,13 +189,14 @@ def snapshot_at(path: Path, history: RunHistory, index: int) -> tuple[Snapshot, 
     with RunReader(path) as reader:
         snapshot = reader.snapshot(*position) if history.is_recorded else None
         if snapshot is None:
-            snapshot = next(item for item in _snapshots(reader) if (item.segment, item.sample) == position)
+            snapshot = next(item for item in run_snapshots(reader) if (item.segment, item.sample) == position)
     if snapshot.frame is None:
         raise ValueError(f"snapshot {index} of {path.name}: no order frame, expected one")
     return snapshot, snapshot.frame
 
 
-def _snapshots(reader: RunReader) -> Iterator[Snapshot]:
+def run_snapshots(reader: RunReader) -> Iterator[Snapshot]:
+    """Yield the results of a run in order: recorded, or from analysing the samples again."""
     for item in results(reader):
         if isinstance(item, Snapshot):
             yield item

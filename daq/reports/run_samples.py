@@ -1,6 +1,7 @@
 """Samples of a recorded run for analyses, read in chunks so that memory is bounded, and the angular record of them."""
 
 import math
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,6 +14,7 @@ from analysis.resampling.angular_record import PASSBAND_FRACTION, AngularRecord,
 from analysis.signals.errors import RecordTooShortError
 from analysis.signals.header import CODE_MAX, CODE_MIN, Role, RunHeader
 from analysis.signals.probes import ProbePair
+from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.signals.units import MICROMETRE, MICROSECOND, RPM
 from analysis.tacho.edges import edge_detector
 from analysis.tacho.pulse_record import PulseRecord, pulse_record
@@ -20,8 +22,8 @@ from analysis.tacho.shaft_angle import ShaftAngle, shaft_angle
 from analysis.vectors.runout import SlowRoll, slow_roll
 from daq.reports.analysis_result import ProgressCallback
 from daq.reports.errors import DataNotFoundError, InsufficientDataError, RequestTooLargeError, translated_errors
-from daq.reports.parameters import FrameAnalysisQuery, ShaftAngleIntervalQuery
-from daq.reports.run_history import RunHistory, load_history, read_history
+from daq.reports.parameters import FrameAnalysisQuery, FrameQuery, ShaftAngleIntervalQuery
+from daq.reports.run_history import RunHistory, load_history, read_history, run_snapshots, snapshot_at
 from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
@@ -158,6 +160,15 @@ class RunSamples:
         begin = max(end - SPEED_MARGIN * (revolutions + GUARD_REVOLUTIONS) * turn, 0.0)
         after = end + GUARD_REVOLUTIONS * turn + MARGIN_SAMPLES / self.rate
         return self.sample_range(int(found.segment[index]), begin, after - begin), end
+
+    def recorded_frame(self, query: FrameQuery) -> tuple[Snapshot, OrderFrame]:
+        """Return the recorded frame nearest to a time or speed; DataNotFoundError where none is near enough."""
+        found, speed = self.history(), None if query.speed_rpm is None else query.speed_rpm * RPM
+        return snapshot_at(self._reader.path, found, found.nearest(query.segment, query.time_s, speed))
+
+    def snapshots(self) -> Iterator[Snapshot]:
+        """Yield the results of the run in order, as `history` holds them."""
+        return run_snapshots(self._reader)
 
     def last_revolutions(self, span: SampleRange, end: float, revolutions: int, highest_order: float) -> AngularRecord:
         """Return the last whole revolutions before a time, s; InsufficientDataError where there are fewer."""

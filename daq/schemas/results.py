@@ -1,6 +1,4 @@
-"""Schemas of a recorded run's results: vectors over speed, trend, cascade, waterfall, samples and comparison."""
-
-from typing import Annotated
+"""Schemas of a recorded run's results that are no analysis: findings, trend, samples, prediction and comparison."""
 
 from pydantic import Field
 
@@ -9,13 +7,6 @@ from daq.schemas.summary import SpeedRowSchema, SubSynchronousSchema
 from daq.schemas.units import Count, Number, Schema
 
 Values = tuple[Number, ...]
-
-
-class OrderVectorsSchema(Schema):
-    """1X and 2X over speed: mean and scatter of the frames in bins of 200 r/min."""
-
-    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    by_speed: tuple[SpeedRowSchema, ...] = Field(description="Rows in rising order of speed, as in the summary")
 
 
 class WhirlFindingsSchema(Schema):
@@ -56,46 +47,6 @@ class TrendSchema(Schema):
     whirl_peak_um: Values = Field(
         description="Amplitude of it, half the major axis of the ellipse, µm zero-to-peak; null likewise",
         examples=[[None, 12.1]],
-    )
-
-
-Orders = Annotated[
-    Values,
-    Field(
-        description="Lowest order of each column; a column ends where the next begins. Negative orders, only in full "
-        "spectra, are against the rotation",
-        examples=[[0.0, 0.0625]],
-    ),
-]
-
-
-class CascadeSchema(Schema):
-    """Order spectra over speed, thinned to the resolution of a screen: the largest amplitude of each cell."""
-
-    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    speeds_rpm: Values = Field(
-        description="Centre of the speed bin of each row with frames, r/min", examples=[[6050.0]]
-    )
-    orders: Orders
-    amplitude_peak_um: tuple[Values, ...] = Field(
-        description="By speed and order, the larger of the two probes; in full spectra the radius, µm zero-to-peak",
-        examples=[[[0.05, 0.04]]],
-    )
-
-
-class WaterfallSchema(Schema):
-    """Order spectra over time, thinned to the resolution of a screen: the largest amplitude of each cell."""
-
-    run: str = Field(description="Id of the run", examples=["2026-11-24T09-12-07-gj90c"])
-    segment: Count = Field(description="Gap-free stretch of the run, from 0", examples=[0])
-    times_s: Values = Field(
-        description="Centre of the time bin of each row with frames, sample time in the segment, s", examples=[[0.5]]
-    )
-    speeds_rpm: Values = Field(description="Mean shaft speed of each row, r/min", examples=[[6050.0]])
-    orders: Orders
-    amplitude_peak_um: tuple[Values, ...] = Field(
-        description="By time and order, the larger of the two probes; in full spectra the radius, µm zero-to-peak",
-        examples=[[[0.05, 0.04]]],
     )
 
 

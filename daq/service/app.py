@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
-from fastapi import APIRouter, FastAPI
+from fastapi import FastAPI
 from fastapi.middleware.cors import CORSMiddleware
 from fastapi.staticfiles import StaticFiles
 
@@ -14,9 +14,8 @@ from daq.service import pages
 from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddleware, is_loopback
 from daq.service.problem_types import ProblemSchema, ProblemType
 from daq.service.problems import EXCEPTION_HANDLERS, PROBLEM_SCHEMA_REFERENCE, UnhandledErrorMiddleware, problems
-from daq.service.routes import jobs, live, runs, uploads
-from daq.service.routes.results import RunRoutes
-from daq.service.routing import API_PREFIX, HeadAsGetMiddleware, Routing
+from daq.service.routes import jobs, live, results, runs, uploads
+from daq.service.routing import API_PREFIX, HeadAsGetMiddleware
 from daq.service.state import ServiceState
 
 DISTRIBUTION: Final = "rig-service"
@@ -86,12 +85,10 @@ def create_app(
         ProblemType.INTERNAL_ERROR,
         *([ProblemType.TOKEN_REQUIRED] if token else []),
     )
-    routers = (runs.router, live.router, live.health_router, uploads.router, jobs.router)
-    for router in (*routers, *([runs.start_router] if state.run_manager else [])):
+    routers = [*(module.router for module in (runs, results, uploads, jobs, live)), results.analyses_router]
+    routers += [live.health_router, *([runs.start_router] if state.run_manager else [])]
+    for router in routers:
         app.include_router(router, prefix=API_PREFIX, responses=problems(*common))
-    routing = Routing(APIRouter(prefix=API_PREFIX), common)
-    RunRoutes(state, app.version).add_to(routing)
-    app.include_router(routing.router)
     app.include_router(pages.router)
     app.mount("/console", StaticFiles(directory=pages.CONSOLE))
     _complete_schema(app.openapi(), with_token=token is not None)

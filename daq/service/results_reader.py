@@ -1,15 +1,14 @@
 """Results of recorded runs, computed from their files in worker processes."""
 
+import gzip
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from pydantic import BaseModel
 
 from analysis.live.summary import RunSummary
-from analysis.signals.header import RunHeader
 from analysis.signals.units import RPM
 from daq.errors import ConfigError
 from daq.reports.errors import (
@@ -18,16 +17,18 @@ from daq.reports.errors import (
     InsufficientDataError,
     RequestTooLargeError,
 )
-from daq.reports.export import encode_samples
-from daq.reports.parameters import SampleFormat, SamplesQuery
+from daq.reports.export import analysis_body, encode_samples
+from daq.reports.parameters import AnalysisQuery, QueryParameters, SampleFormat, SamplesQuery, TrendQuery
+from daq.reports.recorded_results import findings_schema, trend_schema
+from daq.reports.run_history import RunHistory, file_status, load_history
 from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.results import ComparisonSchema, PredictionSchema
 from daq.schemas.summary import speed_row_schema
-from daq.schemas.units import degrees, finite, rpm
-from daq.service import rendering
+from daq.schemas.units import Schema, degrees, finite, rpm
 from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.uploads import ColumnsSchema, columns_schema
+from daq.session.predictor import Predictors
 from daq.session.processes import WorkerPool, WorkerStoppedError, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction
@@ -42,14 +43,6 @@ NICENESS = 15  # increase, of the worker processes: below the acquisition and th
 MAX_SPEED_DIFFERENCE = 300.0 * RPM  # rad/s, between the requested speed and a measured bin
 
 
-class PredictionProvider(Protocol):
-    """Source of the model's predictions for a run's rig."""
-
-    def prediction_for(self, header: RunHeader, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s; None if not computed yet, ModelError outside its range."""
-        ...
-
-
 PROBLEMS_BY_ERROR: dict[type[Exception], ProblemType] = {
     DataNotFoundError: ProblemType.NO_DATA,
     RequestTooLargeError: ProblemType.RESPONSE_TOO_LARGE,
@@ -61,10 +54,46 @@ PROBLEMS_BY_ERROR: dict[type[Exception], ProblemType] = {
 VERIFICATION_TIME_LIMIT = 3600.0  # s for the check of an uploaded recording
 
 
-def result_job_request(run: str, path: str, query: BaseModel | None) -> JobHint:
-    """Return the job request for the result of a path."""
-    parameters = {} if query is None else query.model_dump(mode="json", exclude_defaults=True)
-    return {"kind": "result", "run": run, "path": path, "parameters": parameters}
+RESPONSE_CACHE_SIZE = 128
+GZIP_LEVEL = 4  # higher levels take more time and save almost nothing
+ANALYSIS_PREFIX = "analyses/"
+
+
+def result_schema(name: str, query: QueryParameters, history: RunHistory) -> Schema:
+    """Return a result that is no analysis, by its path below that of the run."""
+    match query:
+        case TrendQuery():
+            return trend_schema(history, query)
+        case _ if name == "findings":
+            return findings_schema(history)
+    raise ValueError(f"name: {name!r}, expected trend or findings")
+
+
+def result_body(path: Path, name: str, query: QueryParameters, gzipped: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
+    """Return a response's content: an analysis in the format of its query, or another result as JSON."""
+    status = file_status(path)
+    return _cached_body(path, status.st_size, status.st_mtime_ns, name, query, gzipped)
+
+
+@lru_cache(maxsize=RESPONSE_CACHE_SIZE)
+def _cached_body(
+    path: Path,
+    _size: int,
+    _changed_ns: int,
+    name: str,
+    query: QueryParameters,
+    gzipped: bool,  # noqa: FBT001 - part of the cache key
+) -> bytes:
+    if isinstance(query, AnalysisQuery):
+        body = analysis_body(path, name.removeprefix(ANALYSIS_PREFIX), query)
+    else:
+        body = result_schema(name, query, load_history(path)).model_dump_json().encode()
+    return gzip.compress(body, GZIP_LEVEL, mtime=0) if gzipped else body
+
+
+def read_summary(path: Path) -> RunSummary:
+    """Return the summary of the run in a file."""
+    return load_history(path).summary
 
 
 def read_columns(path: Path, name: str) -> ColumnsSchema:
@@ -77,22 +106,22 @@ class ResultsReader:
 
     Parameters
     ----------
-    models : PredictionProvider
+    models : Predictors
         The model's predictions.
-    processes : int
-        Number of worker processes.
     time_limit : float
         Time limit of one result, s; a job has none.
     """
 
-    def __init__(self, models: PredictionProvider, processes: int = 1, time_limit: float = TIME_LIMIT) -> None:
+    def __init__(self, models: Predictors, time_limit: float = TIME_LIMIT) -> None:
         self._models = models
-        self._pool = WorkerPool(processes, NICENESS, time_limit)
+        self._pool = WorkerPool(1, NICENESS, time_limit)
 
-    def result(self, run: RunEntry, requested_path: str, query: BaseModel | None, *, gzipped: bool) -> bytes:
-        """Return the response body of a path (see `daq.service.rendering`), gzipped if wanted."""
-        job = result_job_request(run.id, rendering.result_path(requested_path), query)
-        return self._run_in_worker(rendering.result_response, run.path, requested_path, query, gzipped, job=job)
+    def result(self, run: RunEntry, name: str, query: QueryParameters, *, gzipped: bool) -> bytes:
+        """Return the content of the response for a path below that of the run, gzipped if wanted."""
+        parameters = query.model_dump(mode="json", exclude_defaults=True)
+        return self._run_in_worker(
+            result_body, run.path, name, query, gzipped, job=_result_job(run.id, name, **parameters)
+        )
 
     def samples(self, run: RunEntry, query: SamplesQuery, form: SampleFormat, *, gzipped: bool) -> bytes:
         """Return the samples of a time range."""
@@ -100,7 +129,7 @@ class ResultsReader:
 
     def summary(self, path: Path) -> RunSummary:
         """Return the summary of the run in a file."""
-        return self._run_in_worker(rendering.summary, path, job=result_job_request(path.stem, "summary", None))
+        return self._run_in_worker(read_summary, path, job=_result_job(path.stem, "summary"))
 
     def columns(self, path: Path, name: str) -> ColumnsSchema:
         """Return the columns of another program's file; ProblemError if it cannot be read."""
@@ -177,10 +206,7 @@ class ResultsReader:
         """Stop the worker processes."""
         self._pool.close()
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
+def _result_job(run: str, path: str, **parameters: object) -> JobHint:
+    """Return the job request for a result."""
+    return {"kind": "result", "run": run, "path": path, "parameters": parameters}

@@ -4,6 +4,7 @@ import multiprocessing
 import random
 import time
 from collections import defaultdict
+from contextlib import closing
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Thread
@@ -39,10 +40,13 @@ def hammer(url: str, seconds: float, pipe: Connection) -> None:
     statuses: dict[str, set[int]] = defaultdict(set)
     paths = [
         "/live", "/live", "/live", "/live/curves", "/runs", "/health", f"/runs/{BEFORE}", f"/runs/{BEFORE}/summary",
-        f"/runs/{BEFORE}/order-vectors", f"/runs/{BEFORE}/trend", f"/runs/{BEFORE}/findings",
-        f"/runs/{BEFORE}/cascade?rows={{}}", f"/runs/{BEFORE}/waterfall?rows={{}}",
-        f"/runs/{BEFORE}/orbit?time_s={{}}", f"/runs/{BEFORE}/order-spectrum",
-        f"/runs/{BEFORE}/full-spectrum?time_s={{}}", f"/runs/{BEFORE}/samples?from_s={{}}&duration_s=0.05",
+        f"/runs/{BEFORE}/analyses/bode?source=recorded", f"/runs/{BEFORE}/trend", f"/runs/{BEFORE}/findings",
+        f"/runs/{BEFORE}/analyses/cascade?source=recorded&rows={{}}",
+        f"/runs/{BEFORE}/analyses/waterfall?source=recorded&rows={{}}",
+        f"/runs/{BEFORE}/analyses/orbit?source=recorded&time_s={{}}",
+        f"/runs/{BEFORE}/analyses/order-spectrum?source=recorded",
+        f"/runs/{BEFORE}/analyses/full-spectrum?source=recorded&time_s={{}}",
+        f"/runs/{BEFORE}/samples?from_s={{}}&duration_s=0.05",
         f"/runs/{BEFORE}/samples?from_s={{}}&duration_s=1&format=npz", f"/runs/{BEFORE}/comparison?speed_rpm=1500",
     ]  # fmt: skip
     until = time.monotonic() + seconds
@@ -73,7 +77,7 @@ def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     live = LiveRun()
-    with Predictors() as predictors, ResultsReader(predictors) as results:
+    with Predictors() as predictors, closing(ResultsReader(predictors)) as results:
         predictors.for_rig(rig).wait(120.0)
         before = RecordedRun(request_for(rig, folder, BEFORE, 10.0), predictors.for_rig(rig))
         assert before.wait(60.0)
@@ -83,7 +87,7 @@ def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
         state = ServiceState(catalogue, live, summaries, results, JobQueue(Catalogue(folder)))
         server = ServiceServer(create_app(state), closing=state.closing)
         server.start()
-        httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/order-vectors", timeout=60.0)
+        httpx.get(f"{server.url}/api/v1/runs/{BEFORE}/analyses/bode?source=recorded", timeout=60.0)
         live.run = run = RecordedRun(request_for(rig, folder, RUN, SECONDS + 5.0), predictors.for_rig(rig))
         here, there = multiprocessing.get_context("spawn").Pipe()
         clients = multiprocessing.get_context("spawn").Process(target=hammer, args=(server.url, SECONDS, there))

@@ -14,10 +14,7 @@ from daq.config.calibration import CalibrationRecord
 from daq.config.import_mapping import ChannelMapping
 from daq.reports.parameters import (
     MAX_TIME,
-    FrameQuery,
     QueryParameters,
-    RecordedCascadeQuery,
-    RecordedWaterfallQuery,
     TrendQuery,
 )
 from daq.reports.registry import KINDS
@@ -25,19 +22,17 @@ from daq.schemas.live import PredictedVibrationSchema
 from daq.schemas.runs import RunId
 from daq.schemas.study import StudyRequest
 from daq.schemas.units import Schema
+from daq.service.results_reader import ANALYSIS_PREFIX
 from recordings.exchange.formats import EXPORT_FORMATS
 
 JOBS = "/api/v1/jobs"
 
 ParameterValue: TypeAlias = str | float | bool | None
 
-ANALYSIS_PREFIX: Final = "analyses/"
 RESULT_QUERIES: Final[Mapping[str, type[QueryParameters]]] = {
-    **dict.fromkeys(("summary", "order-vectors", "findings"), QueryParameters),
+    "summary": QueryParameters,
+    "findings": QueryParameters,
     "trend": TrendQuery,
-    "cascade": RecordedCascadeQuery,
-    "waterfall": RecordedWaterfallQuery,
-    **dict.fromkeys(("order-spectrum", "full-spectrum", "orbit"), FrameQuery),
     **{f"{ANALYSIS_PREFIX}{name}": kind.parameters for name, kind in KINDS.items()},
 }
 """Results by their path below `/api/v1/runs/{run}/`, with the query parameters of each."""
@@ -95,9 +90,13 @@ class ResultRequest(Schema):
 
     kind: Literal["result"]
     run: RunId
-    path: ResultPath = Field(description="Path of the result below `/api/v1/runs/{run}/`", examples=["cascade"])
+    path: ResultPath = Field(
+        description="Path of the result below `/api/v1/runs/{run}/`", examples=["analyses/cascade"]
+    )
     parameters: dict[str, ParameterValue] = Field(
-        default_factory=dict, description="Query parameters of the path, by name", examples=[{"rows": 100}]
+        default_factory=dict,
+        description="Query parameters of the path, by name",
+        examples=[{"source": "recorded", "rows": 100}],
     )
 
 

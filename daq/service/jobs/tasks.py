@@ -43,7 +43,6 @@ from daq.schemas.study import (
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import Task
 from daq.service.jobs.schemas import (
-    ANALYSIS_PREFIX,
     RESULT_QUERIES,
     ExportRequest,
     ImportRequest,
@@ -59,7 +58,7 @@ from daq.service.jobs.schemas import (
 )
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
-from daq.service.rendering import result_schema
+from daq.service.results_reader import ANALYSIS_PREFIX, result_schema
 from daq.service.uploads import UploadSchema
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run
 from daq.session.offline import corrected_header, summarise, with_reference_runout
@@ -200,7 +199,7 @@ def result_job(report: ProgressCallback, _target: Path, catalogue: Catalogue, re
     history = read_history(path, partial(report, "reading"))
     report("putting together", None)
     query = result_query(request)
-    return result_schema(path, request.path, None if type(query) is QueryParameters else query, history)
+    return result_schema(request.path, query, history)
 
 
 def analysis_job(report: ProgressCallback, target: Path, catalogue: Catalogue, request: ResultRequest) -> bytes:

@@ -24,21 +24,20 @@ from daq.service.jobs.tasks import header_of, import_task, index_task, rig_from_
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problems
 from daq.service.responses import BINARY, NOT_MODIFIED, OCTET_STREAM, file_response
-from daq.service.routes.analyses import PLOT_SCHEMAS, PLOT_TYPES
+from daq.service.routes.results import ANALYSIS_CONTENT, JSON, MEDIA_TYPES
 from daq.service.routing import API_PREFIX, BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
 from daq.service.state import ServiceState, State, ended_run
 
 POLL_INTERVAL: Final = 0.2  # s
 KEEP_ALIVE_INTERVAL: Final = 15.0  # s without a change until a comment shows that the service is alive
 MAX_FOLLOWERS: Final = 16
-MEDIA_TYPES: Final = {"json": "application/json", **PLOT_TYPES}
 RESULT_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "The result",
         "content": {
-            "application/json": {"schema": {"type": "object"}},
+            JSON: {"schema": {"type": "object"}},
             OCTET_STREAM: BINARY,
-            **{media_type: {"schema": PLOT_SCHEMAS[form]} for form, media_type in PLOT_TYPES.items()},
+            **ANALYSIS_CONTENT,
         },
     },
     206: {"description": "The byte range of `Range`", "content": {OCTET_STREAM: BINARY}},

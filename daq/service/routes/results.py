@@ -1,37 +1,25 @@
-"""Routes of one recorded run: its results, samples, predictions and file."""
+"""Routes of a recorded run's analyses and other results, of its samples, and of the model's prediction for it."""
 
-from collections.abc import Callable
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any, Final
 
-from fastapi import Query, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 
 from analysis.signals.units import RPM
+from daq.reports.analysis_result import QUANTITIES, AnalysisSchema
 from daq.reports.parameters import (
+    AnalysisFormat,
     AnalysisQuery,
-    FrameQuery,
     QueryParameters,
-    RecordedCascadeQuery,
-    RecordedWaterfallQuery,
     SampleFormat,
     SamplesQuery,
     SpeedQuery,
     TrendQuery,
 )
-from daq.schemas.results import (
-    CascadeSchema,
-    ComparisonSchema,
-    OrderVectorsSchema,
-    PredictionSchema,
-    SamplesSchema,
-    TrendSchema,
-    WaterfallSchema,
-    WhirlFindingsSchema,
-)
-from daq.schemas.snapshot import FullSpectrumSchema, OrbitSchema, OrderSpectrumSchema
-from daq.schemas.units import Schema
+from daq.reports.registry import KINDS, AnalysisKind
+from daq.schemas.results import ComparisonSchema, PredictionSchema, SamplesSchema, TrendSchema, WhirlFindingsSchema
 from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, problems
 from daq.service.responses import (
     BINARY,
     NOT_MODIFIED,
@@ -40,182 +28,169 @@ from daq.service.responses import (
     require_modified,
     weak_etag,
 )
-from daq.service.routes.analyses import ARROW, NPZ, PLOT_TYPES, add_analyses, add_plots
-from daq.service.routing import Routing
-from daq.service.state import RunId, ServiceState
-from daq.service.stream import require_ended
+from daq.service.results_reader import ANALYSIS_PREFIX
+from daq.service.state import EndedRun, ServiceState, State
 from recordings.catalogue.catalogue import RunEntry
 
-MEDIA_TYPES = {**PLOT_TYPES, "npz": NPZ, "arrow": ARROW}
-COMPRESSIBLE = ("application/json", PLOT_TYPES["svg"])
-SAMPLE_TYPES = {"application/json": SampleFormat.JSON, NPZ: SampleFormat.NPZ, ARROW: SampleFormat.ARROW}
+JSON: Final = "application/json"
+SVG: Final = "image/svg+xml"
+MEDIA_TYPES: Final = {
+    "json": JSON,
+    "npz": "application/x-npz",
+    "arrow": "application/vnd.apache.arrow.stream",
+    "svg": SVG,
+    "png": "image/png",
+    "pdf": "application/pdf",
+}
+COMPRESSIBLE: Final = frozenset({JSON, SVG})
+ANALYSIS_FORMATS: Final = {MEDIA_TYPES[each.value]: each.value for each in AnalysisFormat}
+SAMPLE_FORMATS: Final = {MEDIA_TYPES[each.value]: each.value for each in SampleFormat}
+ANALYSIS_CONTENT: Final[dict[str, Any]] = {
+    media_type: {"schema": {"type": "string"}} if media_type == SVG else BINARY
+    for media_type in ANALYSIS_FORMATS
+    if media_type != JSON
+}
+SAMPLE_PROBLEMS: Final = (ProblemType.NO_DATA, ProblemType.RESPONSE_TOO_LARGE, ProblemType.NOT_ACCEPTABLE)
+PREDICTION_PROBLEMS: Final = (*RUN_READ_PROBLEMS, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
+
+router = APIRouter(tags=["results"])
+analyses_router = APIRouter(tags=["analyses"])
 
 
-class RunRoutes:
-    """Routes of one recorded run: results, samples, predictions and file.
+@router.get(
+    "/runs/{run}/findings",
+    summary="Sub-synchronous components",
+    response_model=WhirlFindingsSchema,
+    responses={**problems(*RUN_READ_PROBLEMS), **NOT_MODIFIED},
+)
+async def get_run_findings(state: State, request: Request, run: EndedRun) -> Response:
+    """Return the sub-synchronous components with their onset and end, as in the run's summary.
 
-    Parameters
-    ----------
-    state : ServiceState
-        State of the service.
-    version : str
-        Version of the service; part of the ETags.
+    `ETag` and `If-None-Match` avoid repeated transfers.
     """
+    return await _result(state, request, run, "findings", QueryParameters())
 
-    def __init__(self, state: ServiceState, version: str) -> None:
-        self._state = state
-        self._results = state.results
-        self._version = version
-        self._lookup_threads = state.lookups
-        self._result_threads = state.result_threads
 
-    def add_to(self, routing: Routing) -> None:
-        """Add the routes."""
-        results: tuple[tuple[str, Callable[..., object], str, type[Schema]], ...] = (
-            ("order-vectors", self.order_vectors, "1X and 2X over speed", OrderVectorsSchema),
-            ("findings", self.findings, "Sub-synchronous components", WhirlFindingsSchema),
-            ("trend", self.trend, "Speed and vibration over time", TrendSchema),
-            ("cascade", self.cascade, "Order spectra over speed", CascadeSchema),
-            ("waterfall", self.waterfall, "Order spectra over time", WaterfallSchema),
-            ("order-spectrum", self.order_spectrum, "Order spectrum at a time or speed", OrderSpectrumSchema),
-            ("full-spectrum", self.full_spectrum, "Full spectrum at a time or speed", FullSpectrumSchema),
-            ("orbit", self.orbit, "Orbit at a time or speed", OrbitSchema),
-        )
-        for path, endpoint, title, model in results:
-            name = f"get_run_{path.replace('-', '_')}"
-            problem_types = (
-                RUN_READ_PROBLEMS
-                if endpoint in {self.order_vectors, self.findings, self.trend}
-                else (*RUN_READ_PROBLEMS, ProblemType.NO_DATA)
-            )
-            routing.add(
-                f"/runs/{{run}}/{path}",
-                endpoint,
-                name,
-                "results",
-                title,
-                *problem_types,
-                model=model,
-                responses=NOT_MODIFIED,
-            )
-        add_plots(routing, self._result_response)
-        add_analyses(routing, self._result_response)
-        predicted = (*RUN_READ_PROBLEMS, ProblemType.NO_DATA, ProblemType.MODEL_NOT_READY)
-        routing.add(
-            "/runs/{run}/prediction",
-            self.prediction,
-            "get_run_prediction",
-            "results",
-            "Predicted vibration at a speed",
-            *predicted,
-        )
-        routing.add(
-            "/runs/{run}/comparison",
-            self.comparison,
-            "get_run_comparison",
-            "results",
-            "Measured and predicted vibration at a speed",
-            *predicted,
-        )
-        routing.add(
-            "/runs/{run}/samples",
-            self.samples,
-            "get_run_samples",
-            "results",
-            "Samples of a time range",
-            *RUN_READ_PROBLEMS,
-            ProblemType.NO_DATA,
-            ProblemType.RESPONSE_TOO_LARGE,
-            ProblemType.NOT_ACCEPTABLE,
-            model=SamplesSchema,
-            responses={200: {"content": {NPZ: BINARY, ARROW: BINARY}}, **NOT_MODIFIED},
-        )
+@router.get(
+    "/runs/{run}/trend",
+    summary="Speed and vibration over time",
+    response_model=TrendSchema,
+    responses={**problems(*RUN_READ_PROBLEMS), **NOT_MODIFIED},
+)
+async def get_run_trend(
+    state: State, request: Request, run: EndedRun, query: Annotated[TrendQuery, Query()]
+) -> Response:
+    """Return speed, overall vibration, 1X and whirl over time; decimation preserves minima and maxima."""
+    return await _result(state, request, run, "trend", query)
 
-    async def order_vectors(self, request: Request, run: RunId) -> Response:
-        """Return amplitude and phase of 1X and 2X, their scatter and the overall vibration by speed bins.
 
-        The rows are those of the run's summary. `ETag` and `If-None-Match` avoid repeated transfers.
-        """
-        return await self._result_response(request, run, "order-vectors")
+@router.get(
+    "/runs/{run}/prediction", summary="Predicted vibration at a speed", responses=problems(*PREDICTION_PROBLEMS)
+)
+async def get_run_prediction(state: State, run: EndedRun, query: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
+    """Return the model's prediction for the run's rig, with its configuration at the time of recording."""
+    return await state.result_threads.run(state.results.prediction, run, query.speed_rpm * RPM)
 
-    async def findings(self, request: Request, run: RunId) -> Response:
-        """Return the sub-synchronous components with their onset and end, as in the run's summary."""
-        return await self._result_response(request, run, "findings")
 
-    async def trend(self, request: Request, run: RunId, query: Annotated[TrendQuery, Query()]) -> Response:
-        """Return speed, overall vibration, 1X and whirl over time; decimation preserves minima and maxima."""
-        return await self._result_response(request, run, "trend", query)
+@router.get(
+    "/runs/{run}/comparison",
+    summary="Measured and predicted vibration at a speed",
+    responses=problems(*PREDICTION_PROBLEMS),
+)
+async def get_run_comparison(state: State, run: EndedRun, query: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
+    """Return the nearest measured speed bin, within 300 r/min, and the prediction at the bin's mean speed."""
+    return await state.result_threads.run(state.results.comparison, run, query.speed_rpm * RPM)
 
-    async def cascade(self, request: Request, run: RunId, query: Annotated[RecordedCascadeQuery, Query()]) -> Response:
-        """Return the maximum amplitude per cell of speed and order, at screen resolution."""
-        return await self._result_response(request, run, "cascade", query)
 
-    async def waterfall(
-        self, request: Request, run: RunId, query: Annotated[RecordedWaterfallQuery, Query()]
+@router.get(
+    "/runs/{run}/samples",
+    summary="Samples of a time range",
+    response_model=SamplesSchema,
+    responses={
+        **problems(*RUN_READ_PROBLEMS, *SAMPLE_PROBLEMS),
+        200: {"content": {media_type: BINARY for media_type in SAMPLE_FORMATS if media_type != JSON}},
+        **NOT_MODIFIED,
+    },
+)
+async def get_run_samples(
+    state: State, request: Request, run: EndedRun, query: Annotated[SamplesQuery, Query()]
+) -> Response:
+    """Return samples as JSON, NumPy archive or Arrow stream, in engineering units, volts or codes.
+
+    The archive has an array `channel:NAME` for each channel and a table `about` of names and values.
+    """
+    form = SampleFormat(query.format or _accepted_format(request, SAMPLE_FORMATS))
+    headers = _headers(request, run, "samples", form.value)
+    gzipped = "Content-Encoding" in headers
+    compute = partial(state.results.samples, run, query, form, gzipped=gzipped)
+    return Response(await state.result_threads.run(compute), headers=headers)
+
+
+def _add_analysis(name: str, kind: AnalysisKind) -> None:
+    """Add the route of an analysis kind, which has its own query parameters."""
+
+    async def analyse(
+        state: State, request: Request, run: EndedRun, query: Annotated[AnalysisQuery, Query()]
     ) -> Response:
-        """Return the maximum amplitude per cell of time and order, at screen resolution."""
-        return await self._result_response(request, run, "waterfall", query)
+        file_format = AnalysisFormat(query.format or _accepted_format(request, ANALYSIS_FORMATS))
+        return await _result(
+            state, request, run, f"{ANALYSIS_PREFIX}{name}", query.model_copy(update={"format": file_format})
+        )
 
-    async def order_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return amplitude and phase by order of the nearest recorded order frame."""
-        return await self._result_response(request, run, "order-spectrum", query)
-
-    async def full_spectrum(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return forward and backward amplitudes by order of the nearest recorded order frame."""
-        return await self._result_response(request, run, "full-spectrum", query)
-
-    async def orbit(self, request: Request, run: RunId, query: Annotated[FrameQuery, Query()]) -> Response:
-        """Return the orbit over the last complete revolutions of the nearest recorded order frame."""
-        return await self._result_response(request, run, "orbit", query)
-
-    async def prediction(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> PredictionSchema:
-        """Return the model's prediction for the run's rig, with its configuration at the time of recording."""
-        entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.prediction, entry, query.speed_rpm * RPM))
-
-    async def comparison(self, run: RunId, query: Annotated[SpeedQuery, Query()]) -> ComparisonSchema:
-        """Return the nearest measured speed bin, within 300 r/min, and the prediction at the bin's mean speed."""
-        entry = await self._entry(run)
-        return await self._result_threads.run(partial(self._results.comparison, entry, query.speed_rpm * RPM))
-
-    async def samples(self, request: Request, run: RunId, query: Annotated[SamplesQuery, Query()]) -> Response:
-        """Return samples as JSON, NumPy archive or Arrow stream, in engineering units, volts or codes.
-
-        The archive has an array `channel:NAME` for each channel and a table `about` of names and values.
-        """
-        form = query.format or preferred_media_type(request.headers.get("accept"), SAMPLE_TYPES)
-        if form is None:
-            raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(SAMPLE_TYPES)}")
-        form = SampleFormat(form)
-        media_type = next(name for name, each in SAMPLE_TYPES.items() if each is form)
-        gzipped = form is SampleFormat.JSON and accepts_gzip(request.headers.get("accept-encoding"))
-        entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, form.value, str(gzipped))
-        headers = {**_cache_headers(etag, gzipped=gzipped), "Vary": "Accept, Accept-Encoding"}
-        require_modified(request, headers)
-        body = await self._result_threads.run(partial(self._results.samples, entry, query, form, gzipped=gzipped))
-        return Response(body, headers=headers, media_type=media_type)
-
-    async def _result_response(
-        self, request: Request, run: str, path: str, query: QueryParameters | None = None
-    ) -> Response:
-        media_type = MEDIA_TYPES.get(path.rpartition(".")[2], "application/json")
-        gzipped = media_type in COMPRESSIBLE and accepts_gzip(request.headers.get("accept-encoding"))
-        entry = await self._entry(run)
-        etag = weak_etag(entry, self._version, path, str(gzipped))
-        headers = _cache_headers(etag, gzipped=gzipped)
-        if isinstance(query, AnalysisQuery):
-            headers["Vary"] = "Accept, Accept-Encoding"
-        require_modified(request, headers)
-        body = await self._result_threads.run(partial(self._results.result, entry, path, query, gzipped=gzipped))
-        return Response(body, headers=headers, media_type=media_type)
-
-    async def _entry(self, run: str) -> RunEntry:
-        """Return a run; ProblemError if it is still in progress."""
-        require_ended(self._state.live, run)
-        return await self._lookup_threads.run(partial(self._state.catalogue.run, run))
+    analyse.__annotations__["query"] = Annotated[kind.parameters, Query()]
+    analyses_router.get(
+        f"/runs/{{run}}/analyses/{name}",
+        name=f"analyse_run_{name.replace('-', '_')}",
+        summary=kind.title,
+        description=_description(kind),
+        response_model=AnalysisSchema,
+        responses={
+            **problems(*RUN_READ_PROBLEMS, *SAMPLE_PROBLEMS, ProblemType.INSUFFICIENT_DATA),
+            200: {"content": ANALYSIS_CONTENT},
+            **NOT_MODIFIED,
+        },
+    )(analyse)
 
 
-def _cache_headers(etag: str, *, gzipped: bool) -> dict[str, str]:
-    coding = {"Content-Encoding": "gzip"} if gzipped else {}
-    return {"ETag": etag, "Cache-Control": "private, no-cache", "Vary": "Accept-Encoding", **coding}
+def _description(kind: AnalysisKind) -> str:
+    """Return the OpenAPI description of an analysis: its sources and its columns with units."""
+    lines = "\n".join(f"- `{name}`: {QUANTITIES[name].text}" for name in kind.columns)
+    text = f"{kind.description}. Columns of the table from samples:\n\n{lines}"
+    if kind.analyse_recorded is None:
+        return text
+    for source, names in (("samples", kind.parameters.only_samples), ("recorded", kind.parameters.only_recorded)):
+        text += f"\n\nOnly with `source={source}`: {', '.join(f'`{name}`' for name in sorted(names)) or 'none'}."
+    return text
+
+
+for _name, _kind in KINDS.items():
+    _add_analysis(_name, _kind)
+
+
+def _accepted_format(request: Request, formats: dict[str, str]) -> str:
+    """Return the format that the Accept header prefers; ProblemError if it accepts none."""
+    preferred = preferred_media_type(request.headers.get("accept"), formats)
+    if preferred is None:
+        raise ProblemError(ProblemType.NOT_ACCEPTABLE, f"expected one of {', '.join(formats)}")
+    return preferred
+
+
+def _headers(request: Request, run: RunEntry, name: str, file_format: str) -> dict[str, str]:
+    """Return the headers of a result; HTTPException (304) if the client has it already."""
+    media_type = MEDIA_TYPES[file_format]
+    gzipped = media_type in COMPRESSIBLE and accepts_gzip(request.headers.get("accept-encoding"))
+    headers = {
+        "ETag": weak_etag(run, request.app.version, name, file_format, str(gzipped)),
+        "Vary": "Accept, Accept-Encoding",
+        **({"Content-Encoding": "gzip"} if gzipped else {}),
+    }
+    require_modified(request, headers)
+    return {**headers, "Content-Type": media_type}
+
+
+async def _result(state: ServiceState, request: Request, run: RunEntry, name: str, query: QueryParameters) -> Response:
+    """Return a result, computed and compressed in a worker process."""
+    file_format = query.format if isinstance(query, AnalysisQuery) else None
+    headers = _headers(request, run, name, file_format or AnalysisFormat.JSON)
+    compute = partial(state.results.result, run, name, query, gzipped="Content-Encoding" in headers)
+    return Response(await state.result_threads.run(compute), headers=headers)

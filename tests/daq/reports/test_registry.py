@@ -124,6 +124,28 @@ def test_command_and_rest_return_equal_numbers(
     assert json.loads(capsys.readouterr().out) == answer.json()
 
 
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.analyse_recorded is not None])
+def test_recorded_source_returns_equal_numbers_from_command_and_rest(
+    bench: RecordedBench, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answer = bench.get(f"/analyses/{kind}", source="recorded")
+    assert answer.status_code == 200, answer.text
+    assert " · recorded " in answer.json()["title"]
+    assert main(["analyse", kind, RUN, "--source", "recorded", "--folder", str(bench.folder), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == answer.json()
+
+
+def test_command_refuses_options_that_the_source_does_not_take(
+    bench: RecordedBench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = ["--source", "recorded", "--revolutions", "8", "--folder", str(bench.folder)]
+    assert main(["analyse", "orbit", RUN, *both]) == 2
+    assert "--revolutions 8: only source=samples takes it" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["analyse", "average", RUN, "--source", "recorded"])
+    assert "unrecognized arguments: --source recorded" in capsys.readouterr().err
+
+
 def test_spectra_at_a_time_equal_library_results(bench: RecordedBench, reader: RunReader) -> None:
     lines = order_map(library_record(reader, 16, speed_rpm=6000.0), overlap=0.0)
     found = npz_columns(bench, "order-spectrum", speed_rpm=6000)
@@ -433,7 +455,7 @@ def test_all_invalid_options_are_reported_together(bench: RecordedBench, capsys:
 
 
 def test_default_frame_has_the_largest_vibration(bench: RecordedBench) -> None:
-    largest = bench.get("/orbit").json()["frame"]
+    largest = bench.get("/analyses/orbit", source="recorded").json()["scalars"]
     for kind in OF_A_MOMENT:
         title = bench.get(f"/analyses/{kind}").json()["title"]
         assert f"at {largest['time_s']:.1f} s" in title or f"to {largest['time_s']:.1f} s" in title

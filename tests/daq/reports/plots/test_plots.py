@@ -1,6 +1,7 @@
 """Plots: lag axes, keyphasor mark, run-up and run-down, compensation."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -9,11 +10,10 @@ from analysis.signals.blocks import RampDirection
 from analysis.signals.snapshot import OVERALL
 from analysis.signals.units import RPM
 from analysis.vectors.speed_curve import SpeedRow
-from daq.reports.plots.layouts import orbit, spectrum
+from daq.reports.kinds.recorded import ramp_curves
+from daq.reports.kinds.vectors import PEAK_UNIT
+from daq.reports.plots.layouts import RampCurve, bode, orbit, polar, spectrum
 from daq.reports.plots.panel import Panel
-from daq.reports.plots.recorded import result_panels
-from daq.schemas.results import OrderVectorsSchema
-from daq.schemas.summary import speed_row_schema
 
 PROBES = (0.0, math.pi / 2)
 UNKNOWN = np.full((2, 2), complex(math.nan))
@@ -28,27 +28,36 @@ def row(direction: RampDirection, speed_rpm: float, compensated: complex | None)
     )
 
 
-def document(*rows: SpeedRow) -> OrderVectorsSchema:
-    return OrderVectorsSchema(run="there-and-back", by_speed=tuple(speed_row_schema(each) for each in rows))
+def bode_panels(*rows: SpeedRow) -> list[Panel]:
+    return bode("there-and-back", *bode_arguments(rows))
+
+
+def bode_arguments(rows: Sequence[SpeedRow]) -> tuple[str, str, list[RampCurve]]:
+    what, ramps = ramp_curves(rows, 1)
+    return what, PEAK_UNIT, ramps
+
+
+def polar_panels(*rows: SpeedRow) -> list[Panel]:
+    return polar("there-and-back", *bode_arguments(rows), PROBES)
 
 
 def test_run_up_and_run_down_are_separate_curves() -> None:
     both = [(way, speed) for way in RampDirection for speed in (1000.0, 2000.0)]
-    lag, size = result_panels(document(*(row(way, speed, None) for way, speed in both)), "bode", PROBES)
+    lag, size = bode_panels(*(row(way, speed, None) for way, speed in both))
     assert [curve.name for curve in size.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert [curve.name for curve in lag.curves] == ["x ▲", "y ▲", "x ▼", "y ▼"]
     assert all(len(curve.x) == 2 for curve in size.curves)
-    alone = result_panels(document(row(RampDirection.RUN_UP, 1000.0, None)), "bode", PROBES)[0]
+    alone = bode_panels(row(RampDirection.RUN_UP, 1000.0, None))[0]
     assert [curve.name for curve in alone.curves] == ["x", "y"]
-    polar = result_panels(document(*(row(way, speed, None) for way, speed in both)), "polar", PROBES)
-    assert [[curve.name for curve in panel.curves] for panel in polar] == [["▲", "▼"]] * 2
+    drawn = polar_panels(*(row(way, speed, None) for way, speed in both))
+    assert [[curve.name for curve in panel.curves] for panel in drawn] == [["▲", "▼"]] * 2
 
 
 def test_lag_axis_points_down_and_curve_breaks_at_wrap() -> None:
     def drawn(*lags: float) -> Panel:
         vectors = [2e-6 * np.exp(-1j * np.radians(lag)) for lag in lags]
         rows = [row(RampDirection.RUN_UP, 1000.0 * k, vector) for k, vector in enumerate(vectors, 1)]
-        return result_panels(document(*rows), "bode", PROBES)[0]
+        return bode_panels(*rows)[0]
 
     across = drawn(350.0, 10.0)
     assert across.y_is_lag
@@ -60,7 +69,7 @@ def test_lag_axis_points_down_and_curve_breaks_at_wrap() -> None:
 
 def test_known_run_out_plots_compensated_vectors_only() -> None:
     rows = [row(RampDirection.RUN_UP, 500.0, None), row(RampDirection.RUN_UP, 2000.0, 4e-6j)]
-    lag, size = result_panels(document(*rows), "bode", PROBES)
+    lag, size = bode_panels(*rows)
     assert lag.title == "there-and-back"
     assert size.title == "amplitude of 1X compensated"
     at_x, _ = size.curves
@@ -74,7 +83,7 @@ def test_polar_plot_zero_lag_points_to_probe_and_lags_are_clockwise() -> None:
         row(RampDirection.RUN_UP, 1000.0 * k, 2e-6 * np.exp(-1j * np.radians(lag)))
         for k, lag in enumerate((0.0, 90.0), 1)
     ]
-    at_x, at_y = result_panels(document(*rows), "polar", PROBES)
+    at_x, at_y = polar_panels(*rows)
     assert (at_x.polar_zero, at_y.polar_zero) == PROBES
     assert list(at_x.curves[0].x) == pytest.approx([2.0, 0.0], abs=1e-6)
     assert list(at_x.curves[0].y) == pytest.approx([0.0, -2.0], abs=1e-6), "90 degrees later is clockwise"

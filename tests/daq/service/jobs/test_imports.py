@@ -159,7 +159,7 @@ def test_other_formats_are_imported(bench: RecordedBench, tmp_path: Path, suffix
         write_table(path, table)
     run = imported_run(bench, request_import(bench, upload_file(bench, path.name, path.read_bytes()), channel=channel))
     assert (run["samples"], run["sample_rate_hz"]) == (ROWS, RATE)
-    rows = bench.client.get(f"{API}/runs/{run['run']}/order-vectors").json()["by_speed"]
+    rows = bench.client.get(f"{API}/runs/{run['run']}/summary").json()["by_speed"]
     assert rows[0]["speed_rpm"] == pytest.approx(6000.0, rel=1e-3)
 
 

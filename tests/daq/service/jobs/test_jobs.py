@@ -102,9 +102,12 @@ def problem(response: Any) -> tuple[int, str]:
 
 
 def test_result_job_returns_the_response_of_the_route(bench: RecordedBench) -> None:
-    made = run_job(bench, kind="result", run=RUN, path="cascade", parameters={"rows": 20})
+    made = run_job(bench, kind="result", run=RUN, path="trend", parameters={"entries": 20})
     assert made.headers["content-type"] == "application/json"
-    assert made.json() == bench.get("/cascade", rows=20).json()
+    assert made.json() == bench.get("/trend", entries=20).json()
+    parameters: dict[str, str | float] = {"source": "recorded", "rows": 20}
+    made = run_job(bench, kind="result", run=RUN, path="analyses/cascade", parameters=parameters)
+    assert made.json() == bench.get("/analyses/cascade", **parameters).json()
 
 
 def test_summary_job_returns_the_summary_of_route_and_command(
@@ -125,7 +128,7 @@ def test_reanalysis_job_reproduces_the_live_results(bench: RecordedBench) -> Non
 
 
 def test_reanalysis_job_uses_a_corrected_calibration(bench: RecordedBench) -> None:
-    plain = bench.get("/order-vectors").json()["by_speed"][0]["order_1x"]
+    plain = bench.get("/summary").json()["by_speed"][0]["order_1x"]
     doubled = {
         "calibration": {"coefficients_um": [0.0, 250.0], "volts_low": 0.5, "volts_high": 9.0, "date": "2026-11-24"}
     }
@@ -284,11 +287,12 @@ def test_request_above_its_time_limit_names_the_job_for_it(served: RecordedBench
     (tmp_path / f"{RUN}.mcap").write_bytes((served.folder / f"{RUN}.mcap").read_bytes())
     hasty = open_recorded_bench(tmp_path, request_limit=0.0)
     try:
-        refused = hasty.get("/plots/cascade.svg", rows=20)
+        refused = hasty.get("/analyses/cascade", source="recorded", rows=20, format="svg")
         assert problem(refused) == (503, "time-limit-exceeded")
         job_request = refused.json()["job"]
-        assert job_request == {"kind": "result", "run": RUN, "path": "cascade", "parameters": {"rows": 20}}
-        assert run_job(hasty, **job_request).json() == served.get("/cascade", rows=20).json()
+        parameters: dict[str, str | float] = {"source": "recorded", "rows": 20, "format": "svg"}
+        assert job_request == {"kind": "result", "run": RUN, "path": "analyses/cascade", "parameters": parameters}
+        assert run_job(hasty, **job_request).text == served.get("/analyses/cascade", **parameters).text
     finally:
         hasty.close()
 

@@ -72,12 +72,26 @@ def problem(bench: RecordedBench, tail: str, **parameters: str | float) -> tuple
     return response.status_code, response.json()["type"].removeprefix("/docs#")
 
 
+def recorded(bench: RecordedBench, kind: str, **parameters: str | float) -> tuple[Any, Any]:
+    """Return columns and single values of an analysis as recorded."""
+    document = get_json(bench, f"/analyses/{kind}", source="recorded", **parameters)
+    return document["columns"], document["scalars"]
+
+
 def test_vectors_and_findings_equal_those_of_library_and_command_line(
     bench: RecordedBench, summary: RunSummary
 ) -> None:
     expected = summary_schema(summary).model_dump(mode="json")
     assert len(expected["by_speed"]) > 20
-    assert get_json(bench, "/order-vectors")["by_speed"] == expected["by_speed"]
+    for order in (1, 2):
+        columns, _ = recorded(bench, "bode", order=order)
+        assert columns["ramp_direction"] == [row["ramp_direction"] for row in expected["by_speed"]]
+        assert columns["speed_rpm"] == pytest.approx([row["speed_rpm"] for row in expected["by_speed"]], abs=1e-4)
+        assert columns["frames"] == [row["frames"] for row in expected["by_speed"]]
+        for name in ("amplitude_peak_x_um", "amplitude_peak_y_um", "lag_x_deg", "lag_y_deg"):
+            values = [row[f"order_{order}x"][name] for row in expected["by_speed"]]
+            assert columns[name] == pytest.approx(values, abs=1e-4)
+        assert recorded(bench, "polar", order=order)[0] == columns
     assert get_json(bench, "/findings")["sub_synchronous"] == expected["sub_synchronous"]
     served = get_json(bench, "/summary")
     assert served["by_speed"] == expected["by_speed"]
@@ -87,35 +101,55 @@ def test_order_spectrum_at_a_time_equals_the_recorded_frame(bench: RecordedBench
     snapshot = next(each for each in snapshots if each.time == 2.0)
     frame = snapshot.frame
     assert frame is not None
-    document = get_json(bench, "/order-spectrum", time_s=2.04)
-    assert document["frame"]["sample"] == snapshot.sample
-    assert document["frame"]["speed_rpm"] == rpm(frame.speed)
-    assert document["amplitude_peak_y_um"] == [micrometres(value) for value in np.abs(frame.spectrum[1])]
-    assert document["orders"] == frame.orders.tolist()
+    columns, scalars = recorded(bench, "order-spectrum", time_s=2.04)
+    assert scalars["sample"] == snapshot.sample
+    assert scalars["speed_rpm"] == pytest.approx(frame.speed / RPM, rel=1e-8)
+    assert columns["amplitude_peak_y_um"] == pytest.approx(np.abs(frame.spectrum[1]) / MICROMETRE, rel=1e-8)
+    assert columns["order"] == frame.orders.tolist()
 
 
 def test_orbit_at_a_speed_equals_that_of_the_nearest_frame(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
     frames = [each.frame for each in snapshots if each.frame is not None]
     nearest = min(frames, key=lambda frame: abs(frame.speed - 5000.0 * RPM))
-    document = get_json(bench, "/orbit", speed_rpm=5000.0)
-    assert document["frame"]["speed_rpm"] == rpm(nearest.speed)
-    assert document["orbit_x_um"] == [micrometres(value) for value in nearest.orbit[0]]
+    columns, scalars = recorded(bench, "orbit", speed_rpm=5000.0)
+    assert scalars["speed_rpm"] == pytest.approx(nearest.speed / RPM, rel=1e-8)
+    assert columns["X_um"] == pytest.approx(nearest.orbit[0] / MICROMETRE, rel=1e-8, abs=1e-8)
+    assert columns["angle_deg"].count(0.0) == columns["revolution"][-1] + 1
 
 
 def test_frame_without_time_and_speed_is_that_of_the_maximum_vibration(
     bench: RecordedBench, snapshots: list[Snapshot]
 ) -> None:
     largest = max((s for s in snapshots if s.frame is not None), key=lambda s: s.peak_to_peak.max())
-    assert get_json(bench, "/orbit")["frame"]["sample"] == largest.sample
+    assert recorded(bench, "orbit")[1]["sample"] == largest.sample
 
 
 def test_full_spectrum_of_a_forward_orbit_peaks_at_plus_1x(bench: RecordedBench) -> None:
-    document = get_json(bench, "/full-spectrum", speed_rpm=8000.0)
-    largest = int(np.argmax(document["amplitude_peak_um"]))
-    assert document["orders"][largest] == 1.0
-    minus = document["orders"].index(-1.0)
-    assert document["amplitude_peak_um"][minus] < document["amplitude_peak_um"][largest]
-    assert document["uncertain"][largest] is False
+    columns, _ = recorded(bench, "full-spectrum", speed_rpm=8000.0)
+    largest = int(np.argmax(columns["amplitude_peak_um"]))
+    assert columns["order"][largest] == 1.0
+    minus = columns["order"].index(-1.0)
+    assert columns["amplitude_peak_um"][minus] < columns["amplitude_peak_um"][largest]
+    assert columns["uncertain"][largest] == "no"
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "refused"),
+    [
+        ("orbit", {"source": "recorded", "revolutions": 8, "filter": "direct"}, ["filter", "revolutions"]),
+        ("cascade", {"source": "recorded", "segment": 0}, ["segment"]),
+        ("cascade", {"source": "recorded", "lines": "frequencies"}, ["lines"]),
+        ("cascade", {"rows": 20, "columns": 20}, ["columns", "rows"]),
+        ("waterfall", {"columns": 20}, ["columns"]),
+        ("average", {"source": "recorded"}, ["source"]),
+    ],
+)
+def test_parameters_of_the_other_source_are_refused(
+    bench: RecordedBench, kind: str, parameters: dict[str, str | float], refused: list[str]
+) -> None:
+    response = bench.get(f"/analyses/{kind}", **parameters)
+    assert response.status_code == 422
+    assert [fault["parameter"] for fault in response.json()["faults"]] == [f"query.{name}" for name in refused]
 
 
 def test_decimated_trend_preserves_extremes(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
@@ -133,30 +167,30 @@ def test_decimated_trend_preserves_extremes(bench: RecordedBench, snapshots: lis
 
 
 def test_cascade_has_screen_size_and_preserves_the_maximum(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
-    document = get_json(bench, "/cascade", rows=20, columns=16)
-    assert len(document["speeds_rpm"]) <= 20
-    assert len(document["orders"]) <= 16
-    assert {len(row) for row in document["amplitude_peak_um"]} == {len(document["orders"])}
+    columns, _ = recorded(bench, "cascade", rows=20, columns=16)
+    assert len(set(columns["speed_rpm"])) <= 20
+    assert len(set(columns["order"])) <= 16
+    assert len(columns["amplitude_peak_um"]) == len(set(columns["speed_rpm"])) * len(set(columns["order"]))
     largest = max(np.abs(s.frame.spectrum).max() for s in snapshots if s.frame is not None)
-    assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
+    assert max(columns["amplitude_peak_um"]) == pytest.approx(largest / MICROMETRE)
 
 
 def test_waterfall_has_its_times_and_preserves_the_maximum(bench: RecordedBench, snapshots: list[Snapshot]) -> None:
-    document = get_json(bench, "/waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
-    assert document["times_s"] == sorted(document["times_s"])
-    assert document["speeds_rpm"] == sorted(document["speeds_rpm"]), "the shaft runs up"
-    assert 1.0 < document["times_s"][0] < document["times_s"][-1] < 3.0
+    columns, _ = recorded(bench, "waterfall", from_s=1.0, duration_s=2.0, rows=10, columns=64)
+    assert columns["time_s"] == sorted(columns["time_s"])
+    assert columns["speed_rpm"] == sorted(columns["speed_rpm"]), "the shaft runs up"
+    assert 1.0 < columns["time_s"][0] < columns["time_s"][-1] < 3.0
     frames = [s.frame for s in snapshots if s.frame is not None and 1.0 <= s.time <= 3.0]
     largest = max(np.abs(frame.spectrum).max() for frame in frames)
-    assert max(map(max, document["amplitude_peak_um"])) == micrometres(largest)
+    assert max(columns["amplitude_peak_um"]) == pytest.approx(largest / MICROMETRE)
 
 
-@pytest.mark.parametrize("what", ["cascade", "waterfall"])
-def test_full_spectra_over_speed_and_time_show_the_whirl_direction(bench: RecordedBench, what: str) -> None:
-    document = get_json(bench, f"/{what}", full=True, rows=5, columns=512, highest_order=3.0)
-    orders = document["orders"]
+@pytest.mark.parametrize("kind", ["cascade", "waterfall"])
+def test_full_spectra_over_speed_and_time_show_the_whirl_direction(bench: RecordedBench, kind: str) -> None:
+    columns, _ = recorded(bench, kind, lines="full", rows=5, columns=512, highest_order=3.0)
+    orders = sorted(set(columns["order"]))
     assert (min(orders), max(orders)) == (-3.0, 3.0)
-    row = document["amplitude_peak_um"][-1]
+    row = columns["amplitude_peak_um"][-len(orders) :]
     assert row[orders.index(1.0)] == max(row)
     assert row[orders.index(-1.0)] < row[orders.index(1.0)]
 
@@ -181,14 +215,15 @@ def test_samples_equal_the_file_in_every_format_and_unit(bench: RecordedBench, p
 @pytest.mark.parametrize(
     ("tail", "parameters", "expected"),
     [
-        ("/orbit", {"time_s": 400.0}, (404, "no-data")),
-        ("/orbit", {"speed_rpm": 40_000.0}, (404, "no-data")),
-        ("/orbit", {"segment": 3}, (404, "no-data")),
-        ("/orbit", {"time_s": -1.0}, (422, "invalid-parameter")),
-        ("/orbit", {"time": 1.0}, (422, "invalid-parameter")),
-        ("/orbit", {"time_s": "nan"}, (422, "invalid-parameter")),
-        ("/cascade", {"rows": 401}, (422, "invalid-parameter")),
-        ("/waterfall", {"segment": 1}, (404, "no-data")),
+        ("/analyses/orbit", {"source": "recorded", "time_s": 400.0}, (404, "no-data")),
+        ("/analyses/orbit", {"source": "recorded", "speed_rpm": 40_000.0}, (404, "no-data")),
+        ("/analyses/orbit", {"source": "recorded", "segment": 3}, (404, "no-data")),
+        ("/analyses/orbit", {"time_s": -1.0}, (422, "invalid-parameter")),
+        ("/analyses/orbit", {"time": 1.0}, (422, "invalid-parameter")),
+        ("/analyses/orbit", {"time_s": "nan"}, (422, "invalid-parameter")),
+        ("/analyses/cascade", {"source": "recorded", "rows": 401}, (422, "invalid-parameter")),
+        ("/analyses/waterfall", {"source": "recorded", "segment": 1}, (404, "no-data")),
+        ("/analyses/bode", {"source": "recorded", "order": 3}, (404, "no-data")),
         ("/samples", {"from_s": 4.0}, (404, "no-data")),
         ("/samples", {"duration_s": 4.0}, (413, "response-too-large")),
         ("/prediction", {}, (422, "invalid-parameter")),
@@ -308,14 +343,14 @@ def test_results_of_the_run_in_progress_are_refused(bench: RecordedBench) -> Non
     assert update.status.state is RunState.RECORDING
     bench.live.update = update
     try:
-        for tail in ("/trend", "/orbit", "/file", "/samples", "/comparison?speed_rpm=6000"):
+        for tail in ("/trend", "/analyses/orbit?source=recorded", "/file", "/samples", "/comparison?speed_rpm=6000"):
             assert bench.client.get(f"{API}/runs/{update.header.run}{tail}").status_code == 409
     finally:
         bench.live.update = None
 
 
 def test_gzipped_response_equals_the_plain_one(bench: RecordedBench) -> None:
-    with bench.client.stream("GET", f"{API}/runs/{RUN}/order-vectors") as response:
+    with bench.client.stream("GET", f"{API}/runs/{RUN}/findings") as response:
         assert gzip.decompress(b"".join(response.iter_raw())).startswith(b'{"run":')
 
 
@@ -324,7 +359,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.mark.parametrize("what", ["order-spectrum", "full-spectrum", "orbit", "bode", "cascade", "waterfall", "polar"])
 def test_plot_is_an_svg_with_its_curves_inside(bench: RecordedBench, what: str) -> None:
-    response = bench.get(f"/plots/{what}.svg")
+    response = bench.get(f"/analyses/{what}", source="recorded", format="svg")
     assert response.headers["content-type"] == "image/svg+xml"
     root = ET.fromstring(response.text)  # noqa: S314 - the service's own
     width, height = (float(number) for number in root.attrib["viewBox"].split()[2:])
@@ -336,7 +371,7 @@ def test_plot_is_an_svg_with_its_curves_inside(bench: RecordedBench, what: str) 
         assert points.size == 0 or points.min() >= 0.0  # a curve of dots has no path of its own
         assert points.size == 0 or (points.max(axis=0) <= (width, height)).all()
     assert RUN in response.text
-    drawn = bench.get(f"/plots/{what}.png")
+    drawn = bench.get(f"/analyses/{what}", {"Accept": "image/png"}, source="recorded")
     assert drawn.headers["content-type"] == "image/png"
     assert drawn.content.startswith(b"\x89PNG")
-    assert bench.get(f"/plots/{what}.pdf").content.startswith(b"%PDF")
+    assert bench.get(f"/analyses/{what}", source="recorded", format="pdf").content.startswith(b"%PDF")

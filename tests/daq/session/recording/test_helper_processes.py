@@ -110,7 +110,7 @@ def test_recording_continues_and_completes_when_a_helper_process_fails(
         )
     with recording(rig, environment, *([] if kind == "viewer" else ["--no-view"])) as running:
         if kind == "reader":
-            running.get(f"runs/{RUN}/order-vectors")
+            running.get(f"runs/{RUN}/findings")
         running.child(kind).send_signal(number)
         if kind == "reader":
             threading.Thread(target=request_without_response, args=(running,)).start()
@@ -138,4 +138,4 @@ def interrupt_again(process: subprocess.Popen[str]) -> bool:
 def request_without_response(running: Recording) -> None:
     """Request a result of a process that is dead or suspended."""
     with contextlib.suppress(OSError):
-        running.get(f"runs/{RUN}/order-vectors")
+        running.get(f"runs/{RUN}/findings")

@@ -1,0 +1,281 @@
+"""Analyses as the live analysis recorded them: spectra and orbits of frames, vectors over speed, maps of spectra.
+
+Maps are thinned to the resolution of a screen: each cell holds the largest amplitude of its frames and orders.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.signals.blocks import RampDirection
+from analysis.signals.snapshot import OrderFrame, Snapshot
+from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
+from analysis.spectra.full_spectrum import full_spectrum
+from analysis.spectra.waterfall import order_axis
+from analysis.vectors.speed_curve import SpeedRow
+from daq.reports.analysis_result import AnalysisResult, columns
+from daq.reports.errors import DataNotFoundError
+from daq.reports.kinds.spectra import peaks
+from daq.reports.kinds.vectors import ARROWS, PEAK_UNIT
+from daq.reports.parameters import (
+    CascadeQuery,
+    FullSpectrumQuery,
+    MapLines,
+    OrbitQuery,
+    OrderSpectrumQuery,
+    VectorsQuery,
+    WaterfallQuery,
+)
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum, stacked
+from daq.reports.plots.panel import Panel, Values
+from daq.reports.run_samples import RunSamples
+
+FloatArray = NDArray[np.float64]
+RECORDED_ORDERS = (1.0, 2.0)
+
+
+def recorded_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> AnalysisResult:
+    """Return the order spectrum of the frame nearest to a time or speed."""
+    snapshot, frame = run.recorded_frame(query)
+    sizes, lags = np.abs(frame.spectrum) / MICROMETRE, phase_lag_degrees(frame.spectrum)
+    title = _title(run, "order spectrum", snapshot, frame)
+    rows = list(zip("xy", sizes.tolist(), strict=True))
+    return AnalysisResult(
+        title=title,
+        columns=columns(
+            order=frame.orders,
+            amplitude_peak_x_um=sizes[0],
+            lag_x_deg=lags[0],
+            amplitude_peak_y_um=sizes[1],
+            lag_y_deg=lags[1],
+        ),
+        panels=tuple(spectrum(title, "order", PEAK_UNIT, frame.orders.tolist(), rows)),
+        scalars={**_frame_scalars(snapshot, frame), "noise_peak_um": frame.noise / MICROMETRE},
+        representative_rows=peaks(sizes.max(axis=0)),
+    )
+
+
+def recorded_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
+    """Return the forward and backward components of the frame nearest to a time or speed."""
+    snapshot, frame = run.recorded_frame(query)
+    found = full_spectrum(frame.orders, frame.spectrum, run.pair)
+    sizes, forward, backward = found.amplitudes / MICROMETRE, np.abs(found.forward), np.abs(found.backward)
+    uncertain = np.concatenate(
+        [(found.uncertain & (backward <= forward))[:0:-1], found.uncertain & (forward <= backward)]
+    )
+    title = _title(run, "full spectrum", snapshot, frame)
+    axis = found.axis.tolist()
+    return AnalysisResult(
+        title=title,
+        columns=columns(order=found.axis, amplitude_peak_um=sizes, uncertain=np.where(uncertain, "yes", "no")),
+        panels=tuple(spectrum(title, FULL_SPECTRUM_LABEL, PEAK_UNIT, axis, [("", sizes.tolist())])),
+        scalars=_frame_scalars(snapshot, frame),
+        representative_rows=peaks(sizes),
+    )
+
+
+def recorded_orbit(run: RunSamples, query: OrbitQuery) -> AnalysisResult:
+    """Return the orbit of the frame nearest to a time or speed, also minus run-out where that is known."""
+    snapshot, frame = run.recorded_frame(query)
+    points, title = run.header.settings.points_per_revolution, _title(run, "orbit", snapshot, frame)
+    index = np.arange(frame.orbit.shape[1])
+    motion = frame.orbit / MICROMETRE
+    table = {
+        "revolution": index // points,
+        "angle_deg": index % points * 360.0 / points,
+        "X_um": motion[0],
+        "Y_um": motion[1],
+    }
+    panels = [orbit(title, _turns(motion, points), run.probe_angles)]
+    if frame.compensated_orbit is not None:
+        compensated = frame.compensated_orbit / MICROMETRE
+        table |= {"compensated_X_um": compensated[0], "compensated_Y_um": compensated[1]}
+        turns = _turns(compensated, points)
+        panels.insert(0, orbit(title, turns, run.probe_angles, "compensated: minus run-out"))
+    return AnalysisResult(
+        title=title,
+        columns=columns(**table),
+        panels=tuple(panels),
+        scalars={**_frame_scalars(snapshot, frame), "clearance_um": run.header.limits.clearance / MICROMETRE},
+    )
+
+
+def _title(run: RunSamples, name: str, snapshot: Snapshot, frame: OrderFrame) -> str:
+    return f"{run.header.run} · recorded {name} · {frame.speed / RPM:,.0f} r/min at {snapshot.time:.1f} s"
+
+
+def _frame_scalars(snapshot: Snapshot, frame: OrderFrame) -> dict[str, float]:
+    """Return the position of a frame in the run."""
+    return {
+        "segment": float(snapshot.segment),
+        "sample": float(snapshot.sample),
+        "time_s": snapshot.time,
+        "speed_rpm": frame.speed / RPM,
+        "acceleration_rpm_per_s": frame.acceleration / RPM,
+    }
+
+
+def _turns(motion: FloatArray, points: int) -> list[tuple[Values, Values]]:
+    """Return the revolutions of an orbit, shape (2, n)."""
+    xs, ys = motion.tolist()
+    return [(xs[k : k + points], ys[k : k + points]) for k in range(0, len(xs), points)]
+
+
+def recorded_bode(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
+    """Return the vectors of 1X or 2X over speed as a Bode plot."""
+    return _vectors(run, query, lambda title, what, ramps: bode(title, what, PEAK_UNIT, ramps))
+
+
+def recorded_polar(run: RunSamples, query: VectorsQuery) -> AnalysisResult:
+    """Return the vectors of 1X or 2X over speed as a polar plot; a lag of 0 points to the probe."""
+    zeros = run.probe_angles
+    return _vectors(run, query, lambda title, what, ramps: polar(title, what, PEAK_UNIT, ramps, zeros))
+
+
+def _vectors(
+    run: RunSamples, query: VectorsQuery, drawn: Callable[[str, str, list[RampCurve]], list[Panel]]
+) -> AnalysisResult:
+    if query.order not in RECORDED_ORDERS:
+        raise DataNotFoundError(f"order: {query.order:g}, recorded are 1 and 2; source=samples computes any order")
+    rows, k = run.history().summary.rows, int(query.order) - 1
+    vectors, compensated, scatter = (
+        np.array([values[k] for values in of_rows]).reshape(-1, 2).T
+        for of_rows in (
+            [row.vectors for row in rows],
+            [row.compensated for row in rows],
+            [row.scatter for row in rows],
+        )
+    )
+    table: dict[str, FloatArray] = {}
+    for probe, name in enumerate("xy"):
+        table[f"amplitude_peak_{name}_um"] = np.abs(vectors[probe]) / MICROMETRE
+        table[f"scatter_peak_{name}_um"] = scatter[probe] / MICROMETRE
+        table[f"lag_{name}_deg"] = phase_lag_degrees(vectors[probe])
+        if np.isfinite(compensated).any():
+            table[f"compensated_peak_{name}_um"] = np.abs(compensated[probe]) / MICROMETRE
+            table[f"compensated_lag_{name}_deg"] = phase_lag_degrees(compensated[probe])
+    what, ramps = ramp_curves(rows, k + 1)
+    return AnalysisResult(
+        title=f"{run.header.run} · recorded {what}",
+        columns=columns(
+            ramp_direction=np.array([row.direction.value for row in rows], dtype=np.str_),
+            speed_rpm=np.array([row.speed for row in rows]) / RPM,
+            **table,
+            frames=np.array([row.frames for row in rows], dtype=np.int64),
+        ),
+        panels=tuple(drawn(run.header.run, what, ramps)),
+    )
+
+
+def ramp_curves(rows: Sequence[SpeedRow], order: int) -> tuple[str, list[RampCurve]]:
+    """Return the name and the curves of 1X or 2X over speed, run-up and run-down separately.
+
+    Where the run-out is known, only compensated vectors are shown.
+    """
+    is_compensated = any(np.isfinite(row.compensated[order - 1]).all() for row in rows)
+    found = []
+    for direction in (RampDirection.RUN_UP, RampDirection.RUN_DOWN):
+        points = [
+            (row.speed / RPM, (row.compensated if is_compensated else row.vectors)[order - 1])
+            for row in rows
+            if row.direction is direction
+        ]
+        known = [(speed, vectors) for speed, vectors in points if not is_compensated or np.isfinite(vectors).all()]
+        if known:
+            found.append((ARROWS[direction], known))
+    curves = []
+    for arrow, known in found:
+        vectors = np.array([vector for _, vector in known]).T
+        sizes, lags = (_known_values(values) for values in (np.abs(vectors) / MICROMETRE, phase_lag_degrees(vectors)))
+        curves.append(RampCurve(arrow if len(found) > 1 else "", [speed for speed, _ in known], sizes, lags))
+    return f"{order}X{' compensated' if is_compensated else ''}", curves
+
+
+def _known_values(values: FloatArray) -> tuple[Values, Values]:
+    """Return the values of both probes, None where unknown."""
+    x, y = ([value if np.isfinite(value) else None for value in row] for row in values.tolist())
+    return x, y
+
+
+def recorded_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
+    """Return order spectra over speed, from 0 to the highest speed."""
+    found = run.history()
+    if not np.isfinite(found.frame_speed).any():
+        raise DataNotFoundError("no order spectrum in the run")
+    width = np.nanmax(found.frame_speed) / query.rows
+    row_of = _bins(found.frame_speed, width, query.rows)
+    feet = (np.unique(row_of[row_of >= 0]) + 0.5) * width / RPM
+    return _map(run, query, row_of, {"speed_rpm": feet}, "cascade", "speed, r/min")
+
+
+def recorded_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
+    """Return order spectra over a time interval, by default of the longest segment."""
+    found = run.history()
+    has_frame = np.isfinite(found.frame_speed)
+    longest = int(np.bincount(found.segment[has_frame]).argmax()) if has_frame.any() else 0
+    segment = longest if query.segment is None else query.segment
+    end = np.inf if query.duration_s is None else query.from_s + query.duration_s
+    chosen = has_frame & (found.segment == segment) & (found.time >= query.from_s) & (found.time <= end)
+    if not chosen.any():
+        raise DataNotFoundError(f"no order spectrum in segment {segment} from {query.from_s:g} s")
+    passed = np.where(chosen, found.time - query.from_s, np.nan)
+    width = max(np.nanmax(passed) / query.rows, 1e-9)
+    row_of = _bins(passed, width, query.rows)
+    rows = np.unique(row_of[row_of >= 0])
+    speeds = np.array([found.frame_speed[row_of == row].mean() for row in rows]) / RPM
+    feet = query.from_s + (rows + 0.5) * width
+    return _map(run, query, row_of, {"time_s": feet, "speed_rpm": speeds}, "waterfall", "time, s")
+
+
+def _bins(values: FloatArray, width: float, rows: int) -> NDArray[np.intp]:
+    """Return the row of each value; the highest value falls into the last row, NaN gives -1."""
+    row = np.minimum(np.nan_to_num(values / width, nan=-1.0), rows - 1)
+    return np.floor(row).astype(np.intp)
+
+
+def _map(
+    run: RunSamples, query: CascadeQuery | WaterfallQuery, row_of: NDArray[np.intp], by_row: dict[str, FloatArray],
+    name: str, y_label: str,
+) -> AnalysisResult:  # fmt: skip
+    """Return the spectra of the snapshots by row, -1 for none; the first of ``by_row`` is the baseline of a row."""
+    orders, cells = _largest(run, query, row_of)
+    title = f"{run.header.run} · recorded {name}"
+    feet, n_orders = next(iter(by_row.values())), orders.size
+    x_label = FULL_SPECTRUM_LABEL if query.lines is MapLines.FULL else "order"
+    panel = stacked(title, x_label, y_label, orders.tolist(), feet.tolist(), cells.tolist(), PEAK_UNIT)
+    picked = np.unique(np.linspace(0, feet.size - 1, min(24, feet.size)).round().astype(np.intp))
+    return AnalysisResult(
+        title=title,
+        columns=columns(
+            **{column: np.repeat(values, n_orders) for column, values in by_row.items()},
+            order=np.tile(orders, feet.size),
+            amplitude_peak_um=cells.ravel(),
+        ),
+        panels=(panel,),
+        representative_rows=picked * n_orders + cells[picked].argmax(axis=1),
+    )
+
+
+def _largest(
+    run: RunSamples, query: CascadeQuery | WaterfallQuery, row_of: NDArray[np.intp]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest order of each column, and the largest amplitude of each cell of the rows with frames, µm."""
+    orders = order_axis(run.header.settings)
+    axis = np.concatenate([-orders[:0:-1], orders]) if query.lines is MapLines.FULL else orders
+    cells = np.zeros((query.rows, axis.size))
+    for row, snapshot in zip(row_of.tolist(), run.snapshots(), strict=False):
+        if row >= 0 and snapshot.frame is not None:
+            np.maximum(cells[row], _amplitudes(run, query, snapshot.frame), out=cells[row])
+    shown = np.abs(axis) <= query.highest_order
+    axis, cells = axis[shown], cells[np.unique(row_of[row_of >= 0])][:, shown]
+    starts = np.arange(0, axis.size, -(-axis.size // query.columns))
+    return axis[starts], np.maximum.reduceat(cells, starts, axis=1) / MICROMETRE
+
+
+def _amplitudes(run: RunSamples, query: CascadeQuery | WaterfallQuery, frame: OrderFrame) -> FloatArray:
+    """Return the amplitudes of a frame, m peak: of the larger probe, or the radii of the full spectrum."""
+    if query.lines is MapLines.FULL:
+        return full_spectrum(frame.orders, frame.spectrum, run.pair).amplitudes
+    amplitudes: FloatArray = np.abs(frame.spectrum).max(axis=0)
+    return amplitudes
