@@ -3,12 +3,13 @@
 Maps are thinned to the resolution of a screen: each cell holds the largest amplitude of its frames and orders.
 """
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.signals.blocks import RampDirection
 from analysis.signals.snapshot import OrderFrame, Snapshot
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.spectra.full_spectrum import full_spectrum
@@ -16,7 +17,7 @@ from analysis.spectra.waterfall import order_axis
 from analysis.vectors.speed_curve import SpeedRow
 from daq.reports.analysis_result import AnalysisResult, columns
 from daq.reports.errors import DataNotFoundError
-from daq.reports.kinds.spectra import peaks
+from daq.reports.kinds.spectra import map_result, peaks
 from daq.reports.kinds.vectors import ARROWS, PEAK_UNIT
 from daq.reports.parameters import (
     CascadeQuery,
@@ -27,11 +28,12 @@ from daq.reports.parameters import (
     VectorsQuery,
     WaterfallQuery,
 )
-from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum, stacked
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, RampCurve, bode, orbit, polar, spectrum
 from daq.reports.plots.panel import Panel, Values
 from daq.reports.run_samples import RunSamples
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 RECORDED_ORDERS = (1.0, 2.0)
 
 
@@ -138,24 +140,15 @@ def _vectors(
 ) -> AnalysisResult:
     if query.order not in RECORDED_ORDERS:
         raise DataNotFoundError(f"order: {query.order:g}, recorded are 1 and 2; source=samples computes any order")
-    rows, k = run.history().summary.rows, int(query.order) - 1
-    vectors, compensated, scatter = (
-        np.array([values[k] for values in of_rows]).reshape(-1, 2).T
-        for of_rows in (
-            [row.vectors for row in rows],
-            [row.compensated for row in rows],
-            [row.scatter for row in rows],
-        )
-    )
-    table: dict[str, FloatArray] = {}
-    for probe, name in enumerate("xy"):
-        table[f"amplitude_peak_{name}_um"] = np.abs(vectors[probe]) / MICROMETRE
-        table[f"scatter_peak_{name}_um"] = scatter[probe] / MICROMETRE
-        table[f"lag_{name}_deg"] = phase_lag_degrees(vectors[probe])
-        if np.isfinite(compensated).any():
-            table[f"compensated_peak_{name}_um"] = np.abs(compensated[probe]) / MICROMETRE
-            table[f"compensated_lag_{name}_deg"] = phase_lag_degrees(compensated[probe])
-    what, ramps = ramp_curves(rows, k + 1)
+    rows, order = run.history().summary.rows, int(query.order)
+    vectors, compensated = _of_order(rows, order)
+    scatter = np.array([row.scatter[order - 1] for row in rows]).reshape(-1, 2).T / MICROMETRE
+    table = _by_probe("amplitude_peak_{}_um", np.abs(vectors) / MICROMETRE)
+    table |= _by_probe("lag_{}_deg", phase_lag_degrees(vectors)) | _by_probe("scatter_peak_{}_um", scatter)
+    if np.isfinite(compensated).any():
+        table |= _by_probe("compensated_peak_{}_um", np.abs(compensated) / MICROMETRE)
+        table |= _by_probe("compensated_lag_{}_deg", phase_lag_degrees(compensated))
+    what, ramps = ramp_curves(rows, order)
     return AnalysisResult(
         title=f"{run.header.run} · recorded {what}",
         columns=columns(
@@ -168,33 +161,41 @@ def _vectors(
     )
 
 
+def _of_order(rows: Sequence[SpeedRow], order: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the vectors of an order, as measured and minus run-out, shape (2, n), m peak."""
+    vectors, compensated = ([getattr(row, name)[order - 1] for row in rows] for name in ("vectors", "compensated"))
+    return np.array(vectors).reshape(-1, 2).T, np.array(compensated).reshape(-1, 2).T
+
+
+def _by_probe(name: str, values: FloatArray) -> dict[str, FloatArray]:
+    return {name.format(probe): row for probe, row in zip("xy", values, strict=True)}
+
+
 def ramp_curves(rows: Sequence[SpeedRow], order: int) -> tuple[str, list[RampCurve]]:
     """Return the name and the curves of 1X or 2X over speed, run-up and run-down separately.
 
     Where the run-out is known, only compensated vectors are shown.
     """
-    is_compensated = any(np.isfinite(row.compensated[order - 1]).all() for row in rows)
-    found = []
-    for direction in (RampDirection.RUN_UP, RampDirection.RUN_DOWN):
-        points = [
-            (row.speed / RPM, (row.compensated if is_compensated else row.vectors)[order - 1])
-            for row in rows
-            if row.direction is direction
-        ]
-        known = [(speed, vectors) for speed, vectors in points if not is_compensated or np.isfinite(vectors).all()]
-        if known:
-            found.append((ARROWS[direction], known))
+    vectors, compensated = _of_order(rows, order)
+    known = np.isfinite(compensated).all(axis=0)
+    is_compensated = bool(known.any())
+    shown = compensated if is_compensated else vectors
+    directions = np.array([row.direction.value for row in rows], dtype=np.str_)
     curves = []
-    for arrow, known in found:
-        vectors = np.array([vector for _, vector in known]).T
-        sizes, lags = (_known_values(values) for values in (np.abs(vectors) / MICROMETRE, phase_lag_degrees(vectors)))
-        curves.append(RampCurve(arrow if len(found) > 1 else "", [speed for speed, _ in known], sizes, lags))
+    for direction, arrow in ARROWS.items():
+        index = np.flatnonzero((directions == direction.value) & (known | (not is_compensated)))
+        if index.size:
+            speeds = [rows[k].speed / RPM for k in index.tolist()]
+            sizes, lags = np.abs(shown[:, index]) / MICROMETRE, phase_lag_degrees(shown[:, index])
+            curves.append(RampCurve(arrow, speeds, _values(sizes), _values(lags)))
+    if len(curves) == 1:
+        curves = [replace(curves[0], arrow="")]
     return f"{order}X{' compensated' if is_compensated else ''}", curves
 
 
-def _known_values(values: FloatArray) -> tuple[Values, Values]:
-    """Return the values of both probes, None where unknown."""
-    x, y = ([value if np.isfinite(value) else None for value in row] for row in values.tolist())
+def _values(by_probe: FloatArray) -> tuple[Values, Values]:
+    """Return the values at both probes, None where unknown."""
+    x, y = ([value if math.isfinite(value) else None for value in row] for row in by_probe.tolist())
     return x, y
 
 
@@ -206,7 +207,9 @@ def recorded_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     width = np.nanmax(found.frame_speed) / query.rows
     row_of = _bins(found.frame_speed, width, query.rows)
     feet = (np.unique(row_of[row_of >= 0]) + 0.5) * width / RPM
-    return _map(run, query, row_of, {"speed_rpm": feet}, "cascade", "speed, r/min")
+    orders, sizes = _largest(run, query, row_of)
+    title = f"{run.header.run} · recorded cascade"
+    return map_result(title, query.lines, orders, {"speed_rpm": feet}, sizes, PEAK_UNIT)
 
 
 def recorded_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
@@ -225,36 +228,15 @@ def recorded_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult
     rows = np.unique(row_of[row_of >= 0])
     speeds = np.array([found.frame_speed[row_of == row].mean() for row in rows]) / RPM
     feet = query.from_s + (rows + 0.5) * width
-    return _map(run, query, row_of, {"time_s": feet, "speed_rpm": speeds}, "waterfall", "time, s")
+    orders, sizes = _largest(run, query, row_of)
+    title = f"{run.header.run} · recorded waterfall"
+    return map_result(title, query.lines, orders, {"time_s": feet, "speed_rpm": speeds}, sizes, PEAK_UNIT)
 
 
 def _bins(values: FloatArray, width: float, rows: int) -> NDArray[np.intp]:
     """Return the row of each value; the highest value falls into the last row, NaN gives -1."""
     row = np.minimum(np.nan_to_num(values / width, nan=-1.0), rows - 1)
     return np.floor(row).astype(np.intp)
-
-
-def _map(
-    run: RunSamples, query: CascadeQuery | WaterfallQuery, row_of: NDArray[np.intp], by_row: dict[str, FloatArray],
-    name: str, y_label: str,
-) -> AnalysisResult:  # fmt: skip
-    """Return the spectra of the snapshots by row, -1 for none; the first of ``by_row`` is the baseline of a row."""
-    orders, cells = _largest(run, query, row_of)
-    title = f"{run.header.run} · recorded {name}"
-    feet, n_orders = next(iter(by_row.values())), orders.size
-    x_label = FULL_SPECTRUM_LABEL if query.lines is MapLines.FULL else "order"
-    panel = stacked(title, x_label, y_label, orders.tolist(), feet.tolist(), cells.tolist(), PEAK_UNIT)
-    picked = np.unique(np.linspace(0, feet.size - 1, min(24, feet.size)).round().astype(np.intp))
-    return AnalysisResult(
-        title=title,
-        columns=columns(
-            **{column: np.repeat(values, n_orders) for column, values in by_row.items()},
-            order=np.tile(orders, feet.size),
-            amplitude_peak_um=cells.ravel(),
-        ),
-        panels=(panel,),
-        representative_rows=picked * n_orders + cells[picked].argmax(axis=1),
-    )
 
 
 def _largest(

@@ -1,6 +1,7 @@
 """Order, full and frequency spectra: at a time, over speed (cascade) and over time (waterfall)."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +146,7 @@ def peaks(size: FloatArray) -> NDArray[np.intp]:
 
 
 MAX_ROWS = 400
+Y_LABELS = {"speed_rpm": "speed, r/min", "time_s": "time, s"}
 X_LABELS = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "frequency, Hz"}
 
 
@@ -184,7 +186,8 @@ def analyse_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
         raise InsufficientDataError(f"run {run.header.run}: the speed is unknown over the whole interval")
     feet, sizes = _largest(found, number)
     guides = _guides(query.lines, feet * query.width_rpm, float(found.axis[-1]))
-    return _result(run, query, found, "cascade", feet * query.width_rpm, sizes, "r/min", guides)
+    by_row = {"speed_rpm": feet * query.width_rpm}
+    return _result(run, query, found, "cascade", by_row, sizes, guides)
 
 
 def analyse_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
@@ -194,7 +197,7 @@ def analyse_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
     number = np.minimum(np.floor((found.times - found.times[0]) / width), query.rows - 1)
     feet, sizes = _largest(found, number)
     times = found.times[0] + (feet + 0.5) * width
-    return _result(run, query, found, "waterfall", times, sizes, "s", ())
+    return _result(run, query, found, "waterfall", {"time_s": times}, sizes, ())
 
 
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
@@ -259,28 +262,55 @@ def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve,
 
 
 def _result(
-    run: RunSamples, query: MapQuery, found: _Spectra, name: str, feet: FloatArray, sizes: FloatArray, unit: str,
+    run: RunSamples, query: MapQuery, found: _Spectra, name: str, by_row: Mapping[str, FloatArray], sizes: FloatArray,
     guides: tuple[Curve, ...],
 ) -> AnalysisResult:  # fmt: skip
-    is_order = query.lines is not MapLines.FREQUENCIES
-    across = {MapLines.ORDERS: "order", MapLines.FULL: FULL_SPECTRUM_LABEL, MapLines.FREQUENCIES: "frequency, Hz"}[
-        query.lines
-    ]
+    scalars = {"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)}
     title = f"{run.header.run} · {found.title.format(name)}"
-    rows, lines = sizes.shape
-    table = {
-        "speed_rpm" if unit == "r/min" else "time_s": np.repeat(feet, lines),
-        "order" if is_order else "frequency_hz": np.tile(found.axis, rows),
-        "amplitude_peak_um": sizes.ravel(),
-    }
-    label = f"speed, {unit}" if unit == "r/min" else f"time, {unit}"
-    panel = stacked(title, across, label, found.axis.tolist(), feet.tolist(), sizes.tolist(), found.caption, guides)
-    picked = np.unique(np.linspace(0, rows - 1, min(24, rows)).round().astype(np.intp))
+    result = map_result(title, query.lines, found.axis, by_row, sizes, found.caption, guides)
+    return replace(result, scalars=scalars, remarks=found.remarks)
+
+
+def map_result(
+    title: str,
+    lines: MapLines,
+    axis: FloatArray,
+    by_row: Mapping[str, FloatArray],
+    sizes: FloatArray,
+    caption: str,
+    guides: tuple[Curve, ...] = (),
+) -> AnalysisResult:
+    """Return a map of spectra as a table and as stacked spectra.
+
+    Parameters
+    ----------
+    title : str
+        Displayed title.
+    lines : MapLines
+        Type of the spectra.
+    axis : ndarray of float64, shape (n_lines,)
+        Orders, or frequencies, Hz.
+    by_row : mapping of str to ndarray, shape (n,)
+        Columns with one value for each spectrum; the first, "speed_rpm" or "time_s", is its baseline.
+    sizes : ndarray of float64, shape (n, n_lines)
+        µm zero-to-peak.
+    caption : str
+        Settings.
+    guides : tuple of Curve
+        Guide lines.
+    """
+    column, feet = next(iter(by_row.items()))
+    n_lines = axis.size
+    is_order = lines is not MapLines.FREQUENCIES
+    picked = np.unique(np.linspace(0, feet.size - 1, min(24, feet.size)).round().astype(np.intp))
+    rows = axis.tolist(), feet.tolist(), sizes.tolist()
     return AnalysisResult(
         title=title,
-        columns=columns(**table),
-        panels=(panel,),
-        scalars={"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)},
-        remarks=found.remarks,
-        representative_rows=picked * lines + sizes[picked].argmax(axis=1),
+        columns=columns(
+            **{name: np.repeat(values, n_lines) for name, values in by_row.items()},
+            **{"order" if is_order else "frequency_hz": np.tile(axis, feet.size)},
+            amplitude_peak_um=sizes.ravel(),
+        ),
+        panels=(stacked(title, X_LABELS[lines], Y_LABELS[column], *rows, caption, guides),),
+        representative_rows=picked * n_lines + sizes[picked].argmax(axis=1),
     )
