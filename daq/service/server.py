@@ -1,13 +1,11 @@
 """HTTP server in its own thread, with limits on connections and on the time of a request's header."""
 
 import asyncio
-import contextlib
 import logging
 import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from typing import Any, ClassVar, Final
 
 import h11
@@ -92,7 +90,7 @@ MAX_WEBSOCKET_MESSAGE = 4096  # bytes of an incoming message: clients need not s
 
 
 class ServiceServer:
-    """HTTP server that runs an application in its own thread and installs no signal handler.
+    """HTTP server that runs an application in its own thread, where uvicorn installs no signal handler.
 
     Parameters
     ----------
@@ -101,7 +99,7 @@ class ServiceServer:
     host : str
         Address or name to listen on.
     port : int
-        Port to listen on; 0 takes a free one.
+        Port to listen on, attribute `port`; 0 takes a free one at `start`.
     protocol : type
         Protocol class of a client's connection.
     closing : Event or None
@@ -120,27 +118,22 @@ class ServiceServer:
         self._protocol = protocol
         self._app = app
         self._host = host
-        self._port = port
-        self._server: _EmbeddedServer | None = None
+        self.port = port
+        self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
-
-    @property
-    def port(self) -> int:
-        """The port that the server listens on; the requested one before `start`."""
-        return self._port
 
     @property
     def url(self) -> str:
         """The page's URL, for a browser on this machine."""
         reachable = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}.get(self._host, self._host)  # noqa: S104 - compared, not bound
-        return f"http://{f'[{reachable}]' if ':' in reachable else reachable}:{self._port}"
+        return f"http://{f'[{reachable}]' if ':' in reachable else reachable}:{self.port}"
 
     def start(self) -> None:
         """Start listening and return once the server responds; ServiceError if the address is not available."""
         if self._thread is not None:
             raise ValueError(f"the server at {self.url} was started already")
-        listener = _listen(self._host, self._port)
-        self._port = int(listener.getsockname()[1])
+        listener = _listen(self._host, self.port)
+        self.port = int(listener.getsockname()[1])
         config = uvicorn.Config(
             self._app,
             loop="asyncio",
@@ -154,7 +147,7 @@ class ServiceServer:
             proxy_headers=False,
         )
         logging.getLogger("uvicorn.error").addFilter(_is_relevant)
-        self._server = _EmbeddedServer(config)
+        self._server = uvicorn.Server(config)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [listener]}, name="service", daemon=True
         )
@@ -185,14 +178,6 @@ def _is_relevant(record: logging.LogRecord) -> bool:
     """Return whether a record concerns the operator: not a refused socket or a response cancelled at shutdown."""
     is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
     return not is_cancelled and "without completing handshake" not in record.getMessage()
-
-
-class _EmbeddedServer(uvicorn.Server):
-    """uvicorn server that leaves signals to the surrounding program."""
-
-    @contextlib.contextmanager
-    def capture_signals(self) -> Iterator[None]:
-        yield
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -4,28 +4,40 @@ import asyncio
 import time
 from collections.abc import AsyncIterator
 from contextlib import suppress
+from enum import StrEnum
 from typing import Final
 
 from fastapi import APIRouter, Request, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import StreamingResponse
+from pydantic import Field
 
 from daq.schemas.events import AcknowledgedAlarmsSchema, AcknowledgeRequest, MarkerRequest, MarkerSchema
 from daq.schemas.live import LiveSchema, live_schema
+from daq.schemas.runs import RunId
 from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
+from daq.schemas.units import Schema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response, problems
 from daq.service.routing import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
-from daq.service.schemas.health import HealthSchema, health_schema
-from daq.service.schemas.runs import StoppingRunSchema, StopRequest
 from daq.service.state import ServiceState, State
 from daq.service.stream import LiveBroadcaster
-from daq.session.live_update import LiveUpdate
+from daq.session.live_update import LiveUpdate, RunState
 from recordings.errors import RecordingError
 
 SUBPROTOCOL: Final = "rig.live"
 
 router = APIRouter(tags=["live"], route_class=JsonRoute)
 health_router = APIRouter(tags=["service"])
+
+
+class StopRequest(Schema):
+    """Request to stop the current run; it has no fields."""
+
+
+class StoppingRunSchema(Schema):
+    """A run that is stopping."""
+
+    run: RunId
 
 
 def _latest_update(state: ServiceState) -> LiveUpdate:
@@ -183,13 +195,44 @@ async def _send_updates(socket: WebSocket, broadcaster: LiveBroadcaster) -> None
             await sending
 
 
+class Health(StrEnum):
+    """Overall health of the service."""
+
+    GOOD = "good"
+    TROUBLE = "trouble"  # the data folder cannot be read, or the current run has failed
+
+
+class HealthSchema(Schema):
+    """Health of the service."""
+
+    health: Health = Field(description="good, or trouble with the reason in `detail`", examples=["good"])
+    detail: str = Field(description="Cause of the trouble; empty if there is none", examples=[""])
+    version: str = Field(description="Version of the service", examples=["0.1.0"])
+    uptime_s: float = Field(description="Time since the start of the service, s", examples=[162.4])
+    runs: int | None = Field(
+        description="Number of runs in the data folder; null if it cannot be read", examples=[12], ge=0
+    )
+    live_run: str | None = Field(
+        description="Id of the run in progress; null if there is none", examples=["2026-11-24T09-12-07-gj90c"]
+    )
+
+
 @health_router.get("/health", summary="Health of the service", responses=problems(ProblemType.BUSY))
 async def get_health(state: State, request: Request) -> HealthSchema:
     """Return the health of data folder and current run; any response shows that the service is up."""
-    trouble, runs = "", None
+    reasons, runs = [], None
     try:
         runs = len(await state.lookups.run(state.catalogue.runs))
     except RecordingError as error:
-        trouble = str(error)
-    uptime = time.monotonic() - state.started_at
-    return health_schema(request.app.version, uptime, runs, state.live.latest(), trouble)
+        reasons.append(str(error))
+    update = state.live.latest()
+    if update is not None and update.status.state is RunState.FAILED:
+        reasons.append(f"run {update.header.run} failed: {update.status.detail or 'no reason was given'}")
+    return HealthSchema(
+        health=Health.TROUBLE if reasons else Health.GOOD,
+        detail="; ".join(reasons),
+        version=request.app.version,
+        uptime_s=round(time.monotonic() - state.started_at, 3),
+        runs=runs,
+        live_run=update.header.run if update is not None and update.status.state.is_active else None,
+    )

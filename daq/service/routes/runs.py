@@ -23,17 +23,17 @@ from daq.service.responses import (
     require_modified,
     strong_etag,
 )
-from daq.service.routes.run_query import RunQuery
-from daq.service.routing import API_PREFIX, BODY_PROBLEMS, IfMatch, JsonRoute
-from daq.service.schemas.runs import (
+from daq.service.routes.run_schemas import (
     AnnotationRequest,
     RestoreRequest,
+    RunQuery,
     StartedRunSchema,
     StartRequest,
     TrashedRunSchema,
     TrashEntrySchema,
     TrashSchema,
 )
+from daq.service.routing import API_PREFIX, BODY_PROBLEMS, IfMatch, JsonRoute
 from daq.service.state import EndedRun, RunId, ServiceState, State
 from daq.service.stream import require_ended
 from daq.session.run import RunManager
