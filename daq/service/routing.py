@@ -1,18 +1,15 @@
 """JSON routes with limits on the content, HEAD requests, and the OpenAPI description of event streams."""
 
-from collections.abc import Callable, Coroutine, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine
 from typing import Annotated, Any, Final
 
 from anyio import fail_after
-from fastapi import APIRouter, Header, Request, Response
-from fastapi.datastructures import Default
-from fastapi.responses import JSONResponse
+from fastapi import Header, Request, Response
 from fastapi.routing import APIRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problems
+from daq.service.problems import ProblemError
 
 
 class HeadAsGetMiddleware:
@@ -98,72 +95,3 @@ async def _receive_json(request: Request) -> None:
     except TimeoutError as error:
         detail = f"{size} bytes did not arrive within {BODY_TIMEOUT:g} s"
         raise ProblemError(ProblemType.REQUEST_TIMEOUT, detail) from error
-
-
-@dataclass(frozen=True, slots=True)
-class Routing:
-    """Adds routes to a router, each with its problem types in the OpenAPI schema.
-
-    Parameters
-    ----------
-    router : APIRouter
-        The router.
-    common_problems : tuple of ProblemType
-        Problem types of every route.
-    """
-
-    router: APIRouter
-    common_problems: tuple[ProblemType, ...]
-
-    def add(  # noqa: PLR0913 - each is one part of the OpenAPI operation
-        self,
-        route: str,
-        endpoint: Callable[..., Any],
-        operation_id: str,
-        tag: str,
-        summary: str,
-        *problem_types: ProblemType,
-        status: int = 200,
-        model: type | None = None,
-        content: dict[str, Any] | None = None,
-        responses: Mapping[int | str, dict[str, Any]] | None = None,
-    ) -> None:
-        """Add a route.
-
-        Parameters
-        ----------
-        route, endpoint : str, callable
-            Method and path ("POST /jobs"; GET may be left out), and the request handler.
-        operation_id, tag, summary : str
-            Operation id, group and summary in the OpenAPI schema.
-        *problem_types : ProblemType
-            Problem types of the route.
-        status : int
-            HTTP status of a successful response.
-        model : type or None
-            Schema of a successful response if the handler returns bytes.
-        content : dict or None
-            OpenAPI request body if the handler reads the body itself.
-        responses : mapping or None
-            Further OpenAPI responses by status.
-        """
-        method, _, path = route.rpartition(" ")
-        takes_json = method in METHODS_WITH_BODY and content is None
-        if takes_json:
-            problem_types = tuple(dict.fromkeys((*problem_types, *BODY_PROBLEMS)))
-        is_raw = model is None and responses is not None and status in responses
-        self.router.add_api_route(
-            path,
-            endpoint,
-            methods=[method or "GET"],
-            route_class_override=JsonRoute if takes_json else None,
-            status_code=status,
-            operation_id=operation_id,
-            tags=[tag],
-            summary=summary,
-            response_description=summary,
-            response_class=Response if is_raw else JSONResponse,
-            response_model=Default(None) if model is None else model,  # Default: the handler's return annotation
-            openapi_extra=None if content is None else {"requestBody": content},
-            responses={**problems(*problem_types, *self.common_problems), **(responses or {})},
-        )

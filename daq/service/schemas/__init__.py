@@ -1,1 +1,0 @@
-"""Request and response schemas that only the REST service uses."""
