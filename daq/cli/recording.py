@@ -46,7 +46,7 @@ from daq.session.predictor import PREDICTION_TIMEOUT, Predictors
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import RecordingRequest
 from daq.session.replayed_run import ReplayedRun
-from daq.session.run import Run, RunManager, RunOutcome, SupportsMarkers
+from daq.session.run import Run, RunManager, RunOutcome
 from daq.stop_flag import EXIT_INTERRUPTED, StopFlag, stop_on_signals
 from daq.view import open_live_view
 from recordings.catalogue.catalogue import Catalogue, data_folder
@@ -213,7 +213,7 @@ class LiveServices:
     def add_marker(self, text: str) -> MarkerSchema | None:
         """Add a marker now to the run that is recording; return None without one."""
         run = self._live_run
-        marker = run.add_marker(text) if run is not None and isinstance(run, SupportsMarkers) else None
+        marker = run.add_marker(text) if isinstance(run, RecordedRun) else None
         return None if run is None or marker is None else marker_schema(marker, run.header.acquisition.rate)
 
     def acknowledge(self) -> AcknowledgedAlarmsSchema | None:
@@ -288,7 +288,7 @@ ACKNOWLEDGE = "ack"
 """A line with this text alone acknowledges alarms instead of adding a marker."""
 
 
-def start_marker_input(run: SupportsMarkers, console: TerminalOutput) -> bool:
+def start_marker_input(run: RecordedRun, console: TerminalOutput) -> bool:
     """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
 
     It reads until the run has ended or the terminal is closed. It bypasses Python's buffered stdin: a thread blocked
@@ -302,7 +302,7 @@ def start_marker_input(run: SupportsMarkers, console: TerminalOutput) -> bool:
     return True
 
 
-def _read_lines(terminal: int, run: SupportsMarkers, console: TerminalOutput) -> None:
+def _read_lines(terminal: int, run: RecordedRun, console: TerminalOutput) -> None:
     encoding = (os.device_encoding(terminal) if sys.platform == "win32" else None) or "utf-8"  # Windows: a code page
     with suppress(OSError):  # the terminal is closed, or the command runs in the background
         while typed := os.read(terminal, 1024):
@@ -421,7 +421,7 @@ def run_serve(args: argparse.Namespace, console: TerminalOutput) -> int:
                 request = recording_request(catalogue, rig, note, duration)
                 return RecordedRun(request, predictors.for_rig(rig), is_stopping=stop.is_set)
 
-            manager = stack.enter_context(RunManager({rig.config.rig: rig}, start))
+            manager = stack.enter_context(RunManager(rig, start))
         summaries = Summaries(catalogue, predictors, results.summary)
         with LiveServices(args, catalogue, summaries, console, results, manager) as services:
             console.line(services.addresses())

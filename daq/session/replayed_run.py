@@ -10,7 +10,8 @@ from analysis.signals.header import RunHeader
 from daq.drivers.source import Source
 from daq.session.live_analysis import LiveAnalysis
 from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
-from daq.session.run import LivePredictor, RunOutcome
+from daq.session.predictor import Predictor
+from daq.session.run import RunOutcome
 from recordings.mcap.results import Marker
 
 
@@ -23,7 +24,7 @@ class ReplayedRun:
         The recorded run.
     source : Source
         Its replay; `close` closes it.
-    model : LivePredictor
+    model : Predictor
         The model whose prediction is shown with it.
     sinks : sequence of LiveUpdateSink
         Consumers of the live updates.
@@ -35,7 +36,7 @@ class ReplayedRun:
         self,
         header: RunHeader,
         source: Source,
-        model: LivePredictor,
+        model: Predictor,
         sinks: Sequence[LiveUpdateSink] = (),
         markers: Sequence[Marker] = (),
     ) -> None:

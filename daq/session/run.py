@@ -1,10 +1,10 @@
 """A run in progress, recorded or replayed: its interfaces, its outcome, and the manager that starts one at a time."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self, runtime_checkable
+from typing import Protocol, Self
 
 from analysis.live.alarms import Alarm
 from analysis.signals.blocks import EndReason, SegmentEnd
@@ -12,8 +12,6 @@ from analysis.signals.header import RunHeader
 from daq.config.rig import Rig
 from daq.errors import RigError, UsageError
 from daq.session.live_update import LiveUpdate
-from model.prediction.prediction_map import Prediction
-from recordings.mcap.results import Marker
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,19 +46,6 @@ class RunOutcome:
         return 130 if self.is_stopped_by_user else 0
 
 
-class LivePredictor(Protocol):
-    """The model as a run uses it: predictions without waiting."""
-
-    @property
-    def state(self) -> str:
-        """State for display: "ready", "ready, not exact: <reason>", "computing 34 %" or the reason for none."""
-        ...
-
-    def at(self, speed: float) -> Prediction | None:
-        """Return the prediction at a speed, rad/s, without waiting; None where there is none."""
-        ...
-
-
 class Run(Protocol):
     """A run in progress, recorded or replayed, as the view and the service see it."""
 
@@ -90,19 +75,6 @@ class Run(Protocol):
         ...
 
 
-@runtime_checkable
-class SupportsMarkers(Protocol):
-    """A recorded run: markers and acknowledgements go into its file."""
-
-    def add_marker(self, text: str) -> Marker | None:
-        """Add a marker at the current sample; return None where the run has ended."""
-        ...
-
-    def acknowledge(self) -> tuple[Alarm, ...]:
-        """Acknowledge the alarms so far; return those that were new."""
-        ...
-
-
 StartRun = Callable[[Rig, str, float | None], Run]
 """Starts a run of a rig with a note and a duration, s, or None; raises RigError where it cannot."""
 
@@ -116,36 +88,31 @@ class RunManager:
 
     Parameters
     ----------
-    rigs : mapping of str to Rig
-        The rigs that a request may choose, by name.
+    rig : Rig
+        The rig.
     start_run : callable
         Starts a run, see `StartRun`.
     """
 
-    def __init__(self, rigs: Mapping[str, Rig], start_run: StartRun) -> None:
-        self._rigs = dict(rigs)
+    def __init__(self, rig: Rig, start_run: StartRun) -> None:
+        self._rig = rig
         self._start_run = start_run
         self._changing = threading.Lock()
         self._run: Run | None = None
         self._is_closed = False
 
     @property
-    def rigs(self) -> tuple[str, ...]:
-        """Names of the rigs that a request may choose."""
-        return tuple(self._rigs)
-
-    @property
     def run(self) -> Run | None:
         """The current run, or the last one; None before the first."""
         return self._run
 
-    def start(self, rig: str, note: str, duration: float | None) -> RunHeader:
+    def start(self, rig: str | None, note: str, duration: float | None) -> RunHeader:
         """Start a run and return its header as soon as the device delivers samples.
 
         Parameters
         ----------
-        rig : str
-            One of `rigs`.
+        rig : str or None
+            Name of the rig; None does not check it.
         note : str
             The operator's note.
         duration : float or None
@@ -158,8 +125,9 @@ class RunManager:
         RigError
             The run cannot be started.
         """
-        if rig not in self._rigs:
-            raise UsageError(f"rig: {rig!r}, expected one of {', '.join(self._rigs)}")
+        name = self._rig.config.rig
+        if rig not in {name, None}:
+            raise UsageError(f"rig: {rig!r}, expected {name}")
         if not self._changing.acquire(blocking=False):
             raise RunInProgressError("another run is being started")
         try:
@@ -169,7 +137,7 @@ class RunManager:
                 if not self._run.wait(0.0):
                     raise RunInProgressError(f"run {self._run.header.run} is in progress")
                 self._run.close()
-            self._run = self._start_run(self._rigs[rig], note, duration)
+            self._run = self._start_run(self._rig, note, duration)
             return self._run.header
         finally:
             self._changing.release()

@@ -189,7 +189,7 @@ class StartRequest(Schema):
     """Request to start a run."""
 
     rig: str | None = Field(
-        None, description="Name of a rig that the service was started with; null: the first",
+        None, description="Name of the rig that the service was started with; null does not check it",
         max_length=200, examples=["gj90c"],
     )  # fmt: skip
     note: str = Field("", description="The operator's note", max_length=2000, examples=["after the oil change"])

@@ -88,7 +88,7 @@ async def start_run(state: State, request: StartRequest, response: Response) -> 
     """
     manager: RunManager = state.run_manager  # type: ignore[assignment]  # without one this router is not included
     try:
-        header = await state.starts.run(manager.start, request.rig or manager.rigs[0], request.note, request.duration_s)
+        header = await state.starts.run(manager.start, request.rig, request.note, request.duration_s)
     except RigError as error:
         raise ProblemError(ProblemType.RUN_CANNOT_START, str(error)) from error
     response.headers["Location"] = f"{API_PREFIX}/runs/{header.run}"

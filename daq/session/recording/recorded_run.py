@@ -27,6 +27,7 @@ from daq.session.live_update import (
     acknowledgement_marker,
     alarm_marker,
 )
+from daq.session.predictor import Predictor
 from daq.session.processes import terminal_signals_blocked
 from daq.session.recording.recorder import (
     RESULTS_DEADLINE,
@@ -48,7 +49,7 @@ from daq.session.recording.statistics import (
     reconnect_message,
     recording_health,
 )
-from daq.session.run import LivePredictor, RunOutcome
+from daq.session.run import RunOutcome
 from recordings.mcap.results import DEFAULT_TEXT, MAX_MARKER_LENGTH, Marker, encode_marker, encode_snapshot
 
 logger = logging.getLogger(__name__)
@@ -69,7 +70,7 @@ class RecordedRun:
     ----------
     request : RecordingRequest
         The run to record.
-    model : LivePredictor
+    model : Predictor
         The model whose prediction is shown with it.
     sinks : sequence of LiveUpdateSink
         Consumers of the live updates.
@@ -89,7 +90,7 @@ class RecordedRun:
     def __init__(
         self,
         request: RecordingRequest,
-        model: LivePredictor,
+        model: Predictor,
         sinks: Sequence[LiveUpdateSink] = (),
         is_stopping: Callable[[], bool] = lambda: False,
         stop_deadline: float = STOP_DEADLINE,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import SampleBlock
 from daq.config.rig import Rig
 from daq.session.live_update import LiveUpdate, RunState, Status
+from daq.session.predictor import Predictor
 from daq.session.recording.recorded_run import RecordedRun
 from daq.session.recording.recorder import RecordingRequest
 from model.prediction.prediction_map import Prediction
@@ -19,10 +20,13 @@ RUN = "2026-11-24T09-12-07-test-rig"
 REAL_TIME = {"pace": "real time"}  # [simulation] of a rig that delivers samples as slowly as a card
 
 
-class NoModel:
+class NoModel(Predictor):
     """A model without a prediction."""
 
     state = "off"
+
+    def __init__(self) -> None:
+        pass
 
     def at(self, _speed: float) -> Prediction | None:
         return None
