@@ -25,7 +25,6 @@ Segment = Annotated[
 MAX_TIME = 1e7  # s
 MAX_SPEED_RPM = 1e6  # r/min
 
-
 FromTime = Annotated[float, Field(description="Sample time in the segment, s", ge=0, le=MAX_TIME, examples=[0.0])]
 Duration = Annotated[
     float | None,
@@ -47,10 +46,7 @@ class FrameQuery(QueryParameters):
     time_s: Annotated[
         float | None,
         Field(
-            description="Sample time in the segment, s; refused where no frame is within 1 s",
-            ge=0,
-            le=MAX_TIME,
-            examples=[98.4],
+            description="Sample time in the segment, s; a frame must be within 1 s", ge=0, le=MAX_TIME, examples=[98.4]
         ),
     ] = None
     speed_rpm: Annotated[
@@ -58,11 +54,9 @@ class FrameQuery(QueryParameters):
         Field(
             description="Shaft speed, r/min; refused where no frame is within 2 % (or 100 r/min). With `time_s`, the "
             "frame near this speed that is nearest to that time. Without either, the frame of the largest vibration",
-            gt=0,
-            le=MAX_SPEED_RPM,
-            examples=[11_000.0],
+            gt=0, le=MAX_SPEED_RPM, examples=[11_000.0],
         ),
-    ] = None
+    ] = None  # fmt: skip
 
 
 class SpeedQuery(QueryParameters):
@@ -103,24 +97,18 @@ class SamplesQuery(QueryParameters):
 
     segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
     from_s: Annotated[
-        float,
-        Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0]),
+        float, Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0])
     ] = 0.0
     duration_s: Annotated[
         float,
         Field(
             description="Duration, s; cut at the segment's end. JSON holds 100,000 values, npz and Arrow 6,000,000",
-            gt=0,
-            le=60,
-            examples=[0.1],
+            gt=0, le=60, examples=[0.1],
         ),
-    ] = 0.1
+    ] = 0.1  # fmt: skip
     unit: Annotated[
         SampleUnit,
-        Field(
-            description="engineering: µm of the probes, V of the tacho; volts; or codes of the converter",
-            examples=["volts"],
-        ),
+        Field(description="engineering: µm, V of the tacho; volts; or codes of the converter", examples=["volts"]),
     ] = SampleUnit.ENGINEERING
     format: Annotated[SampleFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
 
@@ -140,6 +128,11 @@ def _require_distinct_orders(orders: str) -> str:
 
 require_distinct_orders = AfterValidator(_require_distinct_orders)
 
+SolvedOrders = Annotated[
+    str,
+    Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
+    require_distinct_orders,
+]
 Order = Annotated[float, Field(description="Frequency over shaft frequency", ge=0.05, le=100, examples=[1.0])]
 Revolutions = Annotated[
     int, Field(description="Whole revolutions per spectrum; the line spacing is 1 / revolutions orders", ge=8, le=256)
@@ -183,11 +176,7 @@ class AnalysisQuery(QueryParameters):
     """Names of the parameters that only `Source.SAMPLES` takes."""
 
     source: Annotated[
-        Source,
-        Field(
-            description="samples: computed from the run's samples; recorded: as the live analysis stored it, at once",
-            examples=["samples"],
-        ),
+        Source, Field(description="samples of the run, or as recorded by the live analysis", examples=["samples"])
     ] = Source.SAMPLES
     format: Annotated[AnalysisFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
     theme: Annotated[Theme, Field(description="Background of a plot", examples=["light"])] = Theme.LIGHT
@@ -201,12 +190,10 @@ class AnalysisQuery(QueryParameters):
     @model_validator(mode="after")
     def _refuse_parameters_of_the_other_source(self) -> Self:
         is_recorded = self.source is Source.RECORDED
-        other, refused = (Source.SAMPLES, self.only_samples) if is_recorded else (Source.RECORDED, self.only_recorded)
-        error = PydanticCustomError("source", "only source={other} takes it", {"other": other.value})
-        faults = [
-            InitErrorDetails(type=error, loc=(name,), input=getattr(self, name))
-            for name in sorted(refused & self.model_fields_set)
-        ]
+        other, refused = ("samples", self.only_samples) if is_recorded else ("recorded", self.only_recorded)
+        error = PydanticCustomError("source", "only source={other} takes it", {"other": other})
+        given = [(name, getattr(self, name)) for name in sorted(refused & self.model_fields_set)]
+        faults = [InitErrorDetails(type=error, loc=(name,), input=value) for name, value in given]
         if faults:
             raise ValidationError.from_exception_data(type(self).__name__, faults)
         return self
@@ -237,8 +224,8 @@ class ShaftAngleQuery(AnalysisQuery):
         Field(
             description="Subtract the run-out measured in the run's revolutions up to this speed, r/min; the result is "
             "named compensated",
-            gt=0, le=MAX_SPEED_RPM, examples=[None],
-        ),
+            gt=0, le=MAX_SPEED_RPM, examples=[None]
+        )
     ] = None  # fmt: skip
 
 
@@ -267,9 +254,7 @@ class OrderSpectrumQuery(FrameAnalysisQuery):
     highest_order: HighestOrder = 8.0
     window: Annotated[
         WindowName,
-        Field(
-            description="hann separates lines; flat top reads any amplitude to 0.12 %; uniform suits whole orders only"
-        ),
+        Field(description="hann separates lines; flat top reads amplitudes to 0.12 %; uniform suits whole orders only"),
     ] = WindowName.HANN
     scaling: Annotated[Scaling, Field(description="Scaling of the amplitudes")] = Scaling.PEAK
 
@@ -334,8 +319,7 @@ class SlowRollQuery(SampledQuery):
 
     segment: Segment = None
     slow_roll_rpm: Annotated[
-        float,
-        Field(description="Highest speed of the slow roll, r/min", gt=0, le=MAX_SPEED_RPM, examples=[1500.0]),
+        float, Field(description="Highest speed of the slow roll, r/min", gt=0, le=MAX_SPEED_RPM, examples=[1500.0])
     ] = 1500.0
 
 
@@ -415,8 +399,8 @@ class CentrelineQuery(SampledQuery, ShaftAngleIntervalQuery):
         Field(
             description="Displacement towards probe x with the shaft at rest at the bottom, µm; where omitted, the "
             "mean of the slowest revolutions is taken as the rest position",
-            ge=-1e5, le=1e5, examples=[None],
-        ),
+            ge=-1e5, le=1e5, examples=[None]
+        )
     ] = None  # fmt: skip
     rest_y_um: Annotated[
         float | None, Field(description="Displacement towards probe y at rest, µm", ge=-1e5, le=1e5, examples=[None])
@@ -440,23 +424,13 @@ class OverallQuery(SampledQuery, TimeIntervalQuery):
 class EnvelopesQuery(SampledQuery, TimeIntervalQuery):
     """Parameters of the envelopes of orders by the second-generation Vold-Kalman filter."""
 
-    orders: Annotated[
-        str,
-        Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
-        require_distinct_orders,
-    ] = "1,2"
+    orders: SolvedOrders = "1,2"
     bandwidth_hz: Annotated[
-        float | None,
-        Field(description="Full width at half power, Hz; default 4", ge=MIN_BANDWIDTH, le=1000),
+        float | None, Field(description="Full width at half power, Hz; default 4", ge=MIN_BANDWIDTH, le=1000)
     ] = None
     bandwidth_percent: Annotated[
         float | None,
-        Field(
-            description="Bandwidth in per cent of each order's frequency, instead of Hz",
-            ge=MIN_BANDWIDTH,
-            le=100,
-            examples=[None],
-        ),
+        Field(description="Bandwidth, per cent of each order's frequency", ge=MIN_BANDWIDTH, le=100, examples=[None]),
     ] = None
     entries: Annotated[int, Field(description="Number of evenly spaced times", ge=2, le=20_000)] = 600
 
@@ -471,10 +445,6 @@ class EnvelopesQuery(SampledQuery, TimeIntervalQuery):
 class WaveformsQuery(FrameQuery, SampledQuery):
     """Parameters of the waveforms of single orders."""
 
-    orders: Annotated[
-        str,
-        Field(description="Orders, separated by commas, solved together", pattern=ORDERS, examples=["1,2", "0.49,1,2"]),
-        require_distinct_orders,
-    ] = "1,2"
+    orders: SolvedOrders = "1,2"
     bandwidth_hz: Annotated[float, Field(description="Full width at half power, Hz", ge=MIN_BANDWIDTH, le=1000)] = 4.0
     revolutions: Annotated[int, Field(description="Number of revolutions shown", ge=1, le=64)] = 4

@@ -17,7 +17,7 @@ from daq.service.jobs.queue import JobQueue
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.service.results_reader import ResultsReader
-from daq.service.stream import CURVES_INTERVAL, VALUES_INTERVAL, LiveBroadcaster, LiveRun, require_ended
+from daq.service.stream import CURVES_INTERVAL, VALUES_INTERVAL, LiveRun, LiveStream, require_ended
 from daq.service.uploads import MAX_UPLOAD_SIZE, UploadReceiver, UploadStore
 from daq.session.run import RunManager
 from recordings.catalogue.catalogue import Catalogue, RunEntry
@@ -78,7 +78,7 @@ class ServiceState:
         Files of other programs, for import.
     recording_receiver, upload_receiver : UploadReceiver
         Receive recordings and files of other programs.
-    values, curves : LiveBroadcaster
+    values, curves : LiveStream
         Values and curves of the live run for the clients that follow it.
     closing : Event
         Set before shutdown: endless responses end.
@@ -99,8 +99,8 @@ class ServiceState:
     uploads: UploadStore = field(init=False)
     recording_receiver: UploadReceiver = field(init=False)
     upload_receiver: UploadReceiver = field(init=False)
-    values: LiveBroadcaster = field(init=False)
-    curves: LiveBroadcaster = field(init=False)
+    values: LiveStream = field(init=False)
+    curves: LiveStream = field(init=False)
     closing: threading.Event = field(default_factory=threading.Event)
     job_followers: int = 0
     started_at: float = field(default_factory=time.monotonic)
@@ -114,8 +114,8 @@ class ServiceState:
         self.uploads = UploadStore(self.catalogue.folder)
         self.recording_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_RECORDING_SIZE)
         self.upload_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_UPLOAD_SIZE)
-        self.values = LiveBroadcaster(self.live, live_schema, VALUES_INTERVAL, self.closing)
-        self.curves = LiveBroadcaster(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
+        self.values = LiveStream(self.live, live_schema, VALUES_INTERVAL, self.closing)
+        self.curves = LiveStream(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
 
 
 def service_state(connection: HTTPConnection) -> ServiceState:

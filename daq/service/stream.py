@@ -1,9 +1,8 @@
-"""The live run, and the broadcast of its updates to any number of clients."""
+"""The live run, and its updates for any number of clients."""
 
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Callable
-from contextlib import suppress
 from typing import Protocol
 
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema
@@ -11,6 +10,11 @@ from daq.schemas.units import Schema
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError
 from daq.session.live_update import LiveUpdate
+
+VALUES_INTERVAL = 0.1  # s
+CURVES_INTERVAL = 0.25  # s
+MAX_CLIENTS = 64
+KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
 
 
 class LiveRun(Protocol):
@@ -40,17 +44,8 @@ def require_ended(live: LiveRun, run: str) -> None:
         raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {update.status.state.value}")
 
 
-VALUES_INTERVAL = 0.1  # s
-CURVES_INTERVAL = 0.25  # s
-MAX_CLIENTS = 64
-MAX_QUEUED_UPDATES = 4  # per client
-KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
-
-
-class LiveBroadcaster:
-    """Polls the live run while clients listen, and sends each change to all of them.
-
-    A slow client loses its oldest updates and delays no other.
+class LiveStream:
+    """Sends each change of the live run to all clients; a slow client skips updates and delays no other.
 
     Parameters
     ----------
@@ -71,10 +66,9 @@ class LiveBroadcaster:
         self._schema_of = schema_of
         self._interval = interval
         self._closing = closing
-        self._clients: set[asyncio.Queue[str | None]] = set()
-        self._task: asyncio.Task[None] | None = None
-        self._last_update: LiveUpdate | None = None
-        self._last_text = "null"
+        self._n_clients = 0
+        self._update: LiveUpdate | None = None
+        self._text = "null"
 
     async def updates(self) -> AsyncIterator[str]:
         """Yield the current update as JSON, then each change; ``null`` if there is no run.
@@ -82,54 +76,32 @@ class LiveBroadcaster:
         An empty text is a keep-alive. Raises ProblemError (busy) if there are too many clients.
         """
         self.require_capacity()
-        queue: asyncio.Queue[str | None] = asyncio.Queue(MAX_QUEUED_UPDATES)
-        self._clients.add(queue)
+        self._n_clients += 1
+        sent, idle_time = "", 0.0
         try:
-            if self._task is None or self._task.done():
-                self._poll()
-                self._task = asyncio.get_running_loop().create_task(self._run())
-            yield self._last_text
-            while True:
-                try:
-                    text = await asyncio.wait_for(queue.get(), KEEP_ALIVE_INTERVAL)
-                except TimeoutError:
-                    text = ""
-                if text is None:
-                    return
-                yield text
+            while not self._closing.is_set():
+                text = self._latest_text()
+                if text != sent or idle_time >= KEEP_ALIVE_INTERVAL:
+                    yield "" if text == sent else text
+                    sent, idle_time = text, 0.0
+                await asyncio.sleep(self._interval)
+                idle_time += self._interval
         finally:
-            self._clients.discard(queue)
+            self._n_clients -= 1
 
     def require_capacity(self) -> None:
         """Raise ProblemError (busy) if there are too many clients."""
-        if len(self._clients) >= MAX_CLIENTS or self._closing.is_set():
-            raise ProblemError(ProblemType.BUSY, f"{len(self._clients)} clients follow the live run already")
+        if self._n_clients >= MAX_CLIENTS or self._closing.is_set():
+            raise ProblemError(ProblemType.BUSY, f"{self._n_clients} clients follow the live run already")
 
-    async def _run(self) -> None:
-        while self._clients and not self._closing.is_set():
-            await asyncio.sleep(self._interval)
-            if self._poll():
-                for queue in self._clients:
-                    _put_latest(queue, self._last_text)
-        for queue in self._clients:
-            _put_latest(queue, None)
-
-    def _poll(self) -> bool:
-        """Read the latest update; return whether the text to send has changed."""
-        update, before, text = self._live.latest(), self._last_update, self._last_text
-        self._last_update = update
+    def _latest_text(self) -> str:
+        """Return the latest update as JSON, made once for all clients."""
+        update, before = self._live.latest(), self._update
         if update is None or before is None:
             is_same = update is before
         else:
             is_same = update.snapshot is before.snapshot and update.status == before.status
         if not is_same:
-            self._last_text = "null" if update is None else self._schema_of(update).model_dump_json()
-        return self._last_text != text
-
-
-def _put_latest(queue: asyncio.Queue[str | None], text: str | None) -> None:
-    """Put a text into a client's queue; a full queue loses its oldest text."""
-    if queue.full():
-        with suppress(asyncio.QueueEmpty):
-            queue.get_nowait()
-    queue.put_nowait(text)
+            self._update = update
+            self._text = "null" if update is None else self._schema_of(update).model_dump_json()
+        return self._text

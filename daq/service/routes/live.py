@@ -20,7 +20,7 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response, problems
 from daq.service.routing import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
 from daq.service.state import ServiceState, State
-from daq.service.stream import LiveBroadcaster
+from daq.service.stream import LiveStream
 from daq.session.live_update import LiveUpdate, RunState
 from recordings.errors import RecordingError
 
@@ -155,24 +155,24 @@ async def live_curves_socket(state: State, socket: WebSocket) -> None:
     await _send_updates(socket, state.curves)
 
 
-def _event_response(request: Request, broadcaster: LiveBroadcaster, name: str) -> Response:
-    broadcaster.require_capacity()
+def _event_response(request: Request, stream: LiveStream, name: str) -> Response:
+    stream.require_capacity()
     if request.scope.get("rig.head"):
         return Response(media_type=EVENT_STREAM)
-    events = _events(broadcaster, name)
+    events = _events(stream, name)
     return StreamingResponse(events, media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
 
 
-async def _events(broadcaster: LiveBroadcaster, name: str) -> AsyncIterator[str]:
+async def _events(stream: LiveStream, name: str) -> AsyncIterator[str]:
     with suppress(ProblemError):  # another client took the last place: the stream ends, the client reconnects
-        async for text in broadcaster.updates():
+        async for text in stream.updates():
             yield f"event: {name}\ndata: {text}\n\n" if text else ": keep-alive\n\n"
 
 
-async def _send_updates(socket: WebSocket, broadcaster: LiveBroadcaster) -> None:
+async def _send_updates(socket: WebSocket, stream: LiveStream) -> None:
     """Send each update as a text message until the client is gone."""
     try:
-        broadcaster.require_capacity()
+        stream.require_capacity()
     except ProblemError as error:
         await socket.send_denial_response(problem_response(error.problem_type, error.detail, socket.url.path))
         return
@@ -180,7 +180,7 @@ async def _send_updates(socket: WebSocket, broadcaster: LiveBroadcaster) -> None
 
     async def send() -> None:
         with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
-            async for text in broadcaster.updates():
+            async for text in stream.updates():
                 if text:
                     await socket.send_text(text)
             await socket.close(1001)
