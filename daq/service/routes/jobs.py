@@ -11,6 +11,17 @@ from fastapi.responses import FileResponse, StreamingResponse
 
 from daq.errors import ConfigError
 from daq.schemas.study import RotorStudyRequest
+from daq.service.http_semantics import (
+    API_PREFIX,
+    BINARY,
+    BODY_PROBLEMS,
+    EVENT_STREAM,
+    NOT_MODIFIED,
+    OCTET_STREAM,
+    JsonRoute,
+    event_stream,
+    file_response,
+)
 from daq.service.jobs.queue import Task, cancelled
 from daq.service.jobs.schemas import (
     ImportRequest,
@@ -23,9 +34,7 @@ from daq.service.jobs.schemas import (
 from daq.service.jobs.tasks import header_of, import_task, index_task, rig_from_toml, rig_of_run, run_task, study_task
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problems
-from daq.service.responses import BINARY, NOT_MODIFIED, OCTET_STREAM, file_response
 from daq.service.routes.results import ANALYSIS_CONTENT, JSON, MEDIA_TYPES
-from daq.service.routing import API_PREFIX, BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
 from daq.service.state import ServiceState, State, ended_run
 
 POLL_INTERVAL: Final = 0.2  # s

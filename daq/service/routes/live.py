@@ -16,11 +16,10 @@ from daq.schemas.live import LiveSchema, live_schema
 from daq.schemas.runs import RunId
 from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
 from daq.schemas.units import Schema
+from daq.service.http_semantics import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problem_response, problems
-from daq.service.routing import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
-from daq.service.state import ServiceState, State
-from daq.service.stream import LiveStream
+from daq.service.state import LiveStream, ServiceState, State
 from daq.session.live_update import LiveUpdate, RunState
 from recordings.errors import RecordingError
 

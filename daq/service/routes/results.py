@@ -18,9 +18,7 @@ from daq.reports.parameters import (
 )
 from daq.reports.registry import KINDS, AnalysisKind
 from daq.schemas.results import ComparisonSchema, PredictionSchema, SamplesSchema, TrendSchema, WhirlFindingsSchema
-from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
-from daq.service.problems import ProblemError, problems
-from daq.service.responses import (
+from daq.service.http_semantics import (
     BINARY,
     NOT_MODIFIED,
     accepts_gzip,
@@ -28,6 +26,8 @@ from daq.service.responses import (
     require_modified,
     weak_etag,
 )
+from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
+from daq.service.problems import ProblemError, problems
 from daq.service.results_reader import ANALYSIS_PREFIX
 from daq.service.state import EndedRun, ServiceState, State
 from recordings.catalogue.catalogue import RunEntry

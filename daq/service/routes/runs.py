@@ -12,17 +12,21 @@ from daq.errors import RigError
 from daq.schemas.runs import RunListSchema, RunSchema, run_list_schema, run_schema
 from daq.schemas.summary import SummarySchema
 from daq.schemas.units import utc_time
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problems
-from daq.service.responses import (
+from daq.service.http_semantics import (
+    API_PREFIX,
     BINARY,
+    BODY_PROBLEMS,
     NOT_MODIFIED,
     OCTET_STREAM,
+    IfMatch,
+    JsonRoute,
     allows_change,
     file_response,
     require_modified,
     strong_etag,
 )
+from daq.service.problem_types import ProblemType
+from daq.service.problems import ProblemError, problems
 from daq.service.routes.run_schemas import (
     AnnotationRequest,
     RestoreRequest,
@@ -33,9 +37,7 @@ from daq.service.routes.run_schemas import (
     TrashEntrySchema,
     TrashSchema,
 )
-from daq.service.routing import API_PREFIX, BODY_PROBLEMS, IfMatch, JsonRoute
-from daq.service.state import EndedRun, RunId, ServiceState, State
-from daq.service.stream import require_ended
+from daq.service.state import EndedRun, RunId, ServiceState, State, require_ended
 from daq.session.run import RunManager
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.run_store import Search

@@ -5,10 +5,9 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Path, Query, Request, Response
 
 from daq.reports.parameters import QueryParameters
+from daq.service.http_semantics import API_PREFIX, BINARY, OCTET_STREAM
 from daq.service.problem_types import ProblemType
 from daq.service.problems import ProblemError, problems
-from daq.service.responses import BINARY, OCTET_STREAM
-from daq.service.routing import API_PREFIX
 from daq.service.state import State
 from daq.service.uploads import MAX_NAME_LENGTH, ColumnsSchema, UploadListSchema, UploadSchema
 

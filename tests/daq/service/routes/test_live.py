@@ -15,7 +15,7 @@ from websockets.typing import Origin, Subprotocol
 
 from analysis.signals.header import Severity
 from daq.schemas.live import LiveSchema
-from daq.service.stream import MAX_CLIENTS
+from daq.service.state import MAX_CLIENTS
 from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 
