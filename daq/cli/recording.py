@@ -343,7 +343,7 @@ def run_record(args: argparse.Namespace, console: TerminalOutput) -> int:
         hold_off_s=args.hold_off,
     )
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
-    with Predictors() as predictors, closing(ResultsReader(predictors)) as results:
+    with closing(Predictors()) as predictors, closing(ResultsReader(predictors)) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
         with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
             request = recording_request(catalogue, rig, args.note, args.duration)
@@ -385,7 +385,7 @@ def run_replay(args: argparse.Namespace, console: TerminalOutput) -> int:
     path = catalogue.path(run_id)
     with RunReader(path) as reader:
         header, delivery, markers = reader.header, reader.delivery, reader.markers()
-    with Predictors() as predictors, closing(ResultsReader(predictors)) as results:
+    with closing(Predictors()) as predictors, closing(ResultsReader(predictors)) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
         with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
@@ -410,7 +410,7 @@ def run_serve(args: argparse.Namespace, console: TerminalOutput) -> int:
     catalogue = Catalogue(data_folder(args.folder or storage.folder), storage.catalogue)
     with (
         stop_on_signals() as stop,
-        Predictors() as predictors,
+        closing(Predictors()) as predictors,
         closing(ResultsReader(predictors)) as results,
         ExitStack() as stack,
     ):
@@ -421,7 +421,7 @@ def run_serve(args: argparse.Namespace, console: TerminalOutput) -> int:
                 request = recording_request(catalogue, rig, note, duration)
                 return RecordedRun(request, predictors.for_rig(rig), is_stopping=stop.is_set)
 
-            manager = stack.enter_context(RunManager(rig, start))
+            manager = stack.enter_context(closing(RunManager(rig, start)))
         summaries = Summaries(catalogue, predictors, results.summary)
         with LiveServices(args, catalogue, summaries, console, results, manager) as services:
             console.line(services.addresses())

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Iterable
+from contextlib import closing
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -211,7 +212,7 @@ def run_summary(args: argparse.Namespace, console: TerminalOutput) -> int:
 
     catalogue, run_id = find_run(args)
     calibrations = {name: load_calibration(path) for name, path in args.calibration}
-    with Predictors() as predictors:
+    with closing(Predictors()) as predictors:
         summaries = Summaries(catalogue, predictors)
         if calibrations:
             summary = summaries.recalibrated_summary(run_id, calibrations, console.progress)

@@ -1,18 +1,16 @@
 """Import of files from other programs as runs of a rig, with a mapping from columns to channels."""
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
 from analysis.signals.blocks import SampleBlock, SourceItem
-from analysis.signals.header import Acquisition, Channel, Device, Role, RunHeader
+from analysis.signals.header import Acquisition, Device, Role, RunHeader
 from daq.config.import_mapping import ChannelMapping, load_mapping
 from daq.config.loader import load_rig
 from daq.config.rig import Rig
-from daq.config.schema import ChannelSection
 from daq.errors import ConfigError
 from daq.session.offline import with_reference_runout
 from recordings.catalogue.catalogue import Catalogue
@@ -122,7 +120,14 @@ def write_imported_run(
     for section in rig.config.channel:
         wanted = mapping.channel[section.name]
         column = table.column(wanted.source)
-        channels.append(imported_channel(column, _channel(rig, section), wanted.unit, wanted.factor))
+        channels.append(
+            imported_channel(
+                column,
+                rig.channel(section, (-section.range_v, section.range_v), (0.0, 1.0)),
+                wanted.unit,
+                wanted.factor,
+            )
+        )
     started_ns = next(
         start for start in (mapping.started_ns, table.started_ns, foreign.path.stat().st_mtime_ns) if start is not None
     )
@@ -175,20 +180,4 @@ def _header(rig: Rig, run_id: str, started_ns: int, rate: float, channels: list[
         config_toml=rig.toml,
         program=f"rig {version('rig-service')}",
         note="",
-    )
-
-
-def _channel(rig: Rig, section: ChannelSection) -> Channel:
-    low, high = section.gap_window_v if section.role is not Role.TACHO else (-math.inf, math.inf)
-    return Channel(
-        name=section.name,
-        role=section.role,
-        physical=section.physical,
-        range_low=-section.range_v,
-        range_high=section.range_v,
-        scaling=(0.0, 1.0),
-        calibration=rig.calibrations.get(section.name),
-        angle=math.radians(section.angle_deg),
-        gap_low=low,
-        gap_high=high,
     )

@@ -5,8 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from analysis.signals import FloatArray
 from analysis.signals.header import AnalysisSettings, Limits, RunHeader
@@ -49,6 +47,11 @@ class Refiner:
     answer_timeout : float
         Time for one result, s, after which the process is given up.
 
+    Attributes
+    ----------
+    failure : str
+        Why there is no prediction at the exact speed; empty where there is one, or may be.
+
     Notes
     -----
     The process starts at the first steady speed. Each request returns one intermediate prediction, so that a new speed
@@ -69,16 +72,11 @@ class Refiner:
         self._requested: float | None = None  # rad/s, whose prediction is to be computed or refined
         self._failed_speed = 0.0  # rad/s, where the model has no solution
         self._exact: Prediction | None = None
-        self._failure = ""
+        self.failure = ""
         self._is_closing = False
         self._worker = WorkerProcess(REFINER_NICENESS)
         self._thread = threading.Thread(target=self._work, name="refiner", daemon=True)
         self._thread.start()
-
-    @property
-    def failure(self) -> str:
-        """Why there is no prediction at the exact speed; empty where there is one, or may be."""
-        return self._failure
 
     def at(self, speed: float) -> Prediction | None:
         """Return the prediction at a speed, rad/s, or very near to it, without waiting; None where there is none.
@@ -108,15 +106,15 @@ class Refiner:
             try:
                 prediction = self._worker.run(_next_prediction, speed, *self._model, time_limit=self._answer_timeout)
             except WorkerTimeoutError:
-                self._failure = f"the process that computes it has not answered for {self._answer_timeout:g} s"
+                self.failure = f"the process that computes it has not answered for {self._answer_timeout:g} s"
                 return
             except WorkerStoppedError as error:
-                self._failure = f"the process that computes it ended ({error})"
+                self.failure = f"the process that computes it ended ({error})"
                 return
             except ModelError as error:
                 self._store(speed, None, str(error))
             except Exception as error:
-                self._failure = f"the process that computes it failed ({type(error).__name__})"
+                self.failure = f"the process that computes it failed ({type(error).__name__})"
                 logger.exception("the computation of a prediction failed")
                 return
             else:
@@ -131,10 +129,10 @@ class Refiner:
         """Store the next prediction at a speed; None where the last one has converged, or the model has failed."""
         with self._changed:
             if prediction is not None:
-                self._exact, self._failure = prediction, ""
+                self._exact, self.failure = prediction, ""
                 return
             if failure:
-                self._failed_speed, self._failure = speed, failure
+                self._failed_speed, self.failure = speed, failure
             if self._requested == speed:
                 self._requested = None
 
@@ -173,11 +171,18 @@ class Predictor:
     in_worker : bool
         Whether this process is a worker, which cannot start processes: it computes the map in a thread.
 
+    Attributes
+    ----------
+    map : PredictionMap or None
+        The whole map; None until it is ready.
+    cache_error : str
+        Error message of a damaged cache file; empty for none.
+
     Notes
     -----
     A child process at low priority computes a map that is not in the cache, and writes it there. A damaged file is
     replaced. When the speed stays constant, a `Refiner` computes the prediction at exactly that speed. Close the
-    predictor, or use it in a with-statement.
+    predictor.
     """
 
     def __init__(
@@ -199,29 +204,18 @@ class Predictor:
         self._changed = threading.Condition()
         self._in_worker = in_worker
         self._worker = WorkerProcess(MAP_NICENESS)
-        self._map, self._cache_error = read_map(self._file)
-        self._finished = self._map is not None
+        self.map, self.cache_error = read_map(self._file)
         self._thread = threading.Thread(target=self._compute, args=(speeds,), name="prediction", daemon=True)
-        if not self._finished:
+        if self.map is None:
             self._thread.start()
 
     @property
     def state(self) -> str:
         """State for display: "ready", "ready, not exact: <reason>", "off: <reason>" or "computing 34 %"."""
-        if self._map is not None:
+        if self.map is not None:
             reason = self._refiner.failure if self._refiner is not None else ""
             return f"ready, not exact: {reason}" if reason else "ready"
         return f"off: {self._failure}" if self._failure else f"computing {self._percent} %"
-
-    @property
-    def cache_error(self) -> str:
-        """Error message of a damaged cache file; empty for none."""
-        return self._cache_error
-
-    @property
-    def map(self) -> PredictionMap | None:
-        """The whole map; None until it is ready."""
-        return self._map
 
     def at(self, speed: float) -> Prediction | None:
         """Return the prediction at a speed, rad/s, without waiting: exact where available, else from the map.
@@ -253,8 +247,8 @@ class Predictor:
             None where there is none, or the timeout has passed.
         """
         reported, since = "", time.monotonic()
-        if on_progress is not None and self._cache_error:
-            on_progress(self._cache_error)
+        if on_progress is not None and self.cache_error:
+            on_progress(self.cache_error)
         while True:
             state = self.state
             if state != reported:
@@ -264,8 +258,8 @@ class Predictor:
             with self._changed:
                 if self.state != reported:
                     continue
-                if self._finished or time.monotonic() - since >= timeout:
-                    return self._map
+                if self.map is not None or self._failure or time.monotonic() - since >= timeout:
+                    return self.map
                 self._changed.wait(min(WAIT_INTERVAL, timeout))
 
     def close(self) -> None:
@@ -278,14 +272,6 @@ class Predictor:
         self._worker.close()
         if self._thread.ident is not None:
             self._thread.join(JOIN_TIMEOUT)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _compute(self, speeds: FloatArray) -> None:
         """Compute the map; body of the thread."""
@@ -312,8 +298,8 @@ class Predictor:
     def _finish(self, found: PredictionMap | None = None, failure: str = "") -> None:
         """Store the result of the computation; only the first call counts."""
         with self._changed:
-            if not self._finished:
-                self._map, self._failure, self._finished = found, failure, True
+            if self.map is None and not self._failure:
+                self.map, self._failure = found, failure
                 self._changed.notify_all()
 
 
@@ -365,11 +351,3 @@ class Predictors:
             for predictor in self._by_key.values():
                 predictor.close()
             self._by_key.clear()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()

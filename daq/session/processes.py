@@ -15,8 +15,7 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from daq.errors import RigError
 
@@ -200,7 +199,7 @@ class WorkerProcess:
 
 
 class WorkerPool:
-    """A fixed number of worker processes; callers wait for an idle one. Close it, or use it in a with-statement.
+    """A fixed number of worker processes; callers wait for an idle one. Close it.
 
     Parameters
     ----------
@@ -237,14 +236,6 @@ class WorkerPool:
         """End all processes and refuse further functions."""
         with ThreadPoolExecutor(len(self._workers)) as threads:  # each may take seconds
             threads.map(WorkerProcess.close, self._workers)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _work(pipe: Connection, niceness: int) -> None:

@@ -3,8 +3,7 @@
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 from analysis.live.alarms import Alarm
 from analysis.signals.blocks import EndReason, SegmentEnd
@@ -92,19 +91,19 @@ class RunManager:
         The rig.
     start_run : callable
         Starts a run, see `StartRun`.
+
+    Attributes
+    ----------
+    run : Run or None
+        The current run, or the last one; None before the first.
     """
 
     def __init__(self, rig: Rig, start_run: StartRun) -> None:
         self._rig = rig
         self._start_run = start_run
         self._changing = threading.Lock()
-        self._run: Run | None = None
+        self.run: Run | None = None
         self._is_closed = False
-
-    @property
-    def run(self) -> Run | None:
-        """The current run, or the last one; None before the first."""
-        return self._run
 
     def start(self, rig: str | None, note: str, duration: float | None) -> RunHeader:
         """Start a run and return its header as soon as the device delivers samples.
@@ -133,12 +132,12 @@ class RunManager:
         try:
             if self._is_closed:
                 raise RunInProgressError("the service is shutting down")
-            if self._run is not None:
-                if not self._run.wait(0.0):
-                    raise RunInProgressError(f"run {self._run.header.run} is in progress")
-                self._run.close()
-            self._run = self._start_run(self._rig, note, duration)
-            return self._run.header
+            if self.run is not None:
+                if not self.run.wait(0.0):
+                    raise RunInProgressError(f"run {self.run.header.run} is in progress")
+                self.run.close()
+            self.run = self._start_run(self._rig, note, duration)
+            return self.run.header
         finally:
             self._changing.release()
 
@@ -146,13 +145,5 @@ class RunManager:
         """End the current run and join it; no further run can be started."""
         with self._changing:
             self._is_closed = True
-            if self._run is not None:
-                self._run.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
+            if self.run is not None:
+                self.run.close()

@@ -1,11 +1,13 @@
 """Parameter sweeps: the grid of points, the workers that compute them, and their results on disk."""
 
-import importlib
 import itertools
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import closing
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 from uuid import uuid4
@@ -36,19 +38,15 @@ class SweepStore:
     def __init__(self, file: Path, results: tuple[str, ...]) -> None:
         if file.suffix.lower() != ".parquet":
             raise UsageError(f"-o {file}: expected a name that ends with .parquet")
-        try:
-            importlib.import_module("pyarrow")
-        except ImportError as error:
-            message = "sweeps need pyarrow: install the extra, pip install 'rig-service[formats]'"
-            raise UsageError(message) from error
+        if find_spec("pyarrow") is None:
+            raise UsageError("sweeps need pyarrow: install the extra, pip install 'rig-service[formats]'")
         self._file, self._results = file, results
         self._parts = file.with_name(file.name + ".parts")
 
     def load(self, keys: Iterable[str]) -> dict[str, SweepResult]:
         """Return the stored results of these points, from the file and from parts of a stopped sweep."""
         wanted, found = set(keys), {}
-        parts = sorted(self._parts.glob("*.parquet")) if self._parts.is_dir() else []
-        for file in [self._file] * self._file.exists() + parts:
+        for file in [self._file] * self._file.exists() + sorted(self._parts.glob("*.parquet")):
             for outcome in self._read(file):
                 if outcome.key in wanted:
                     found[outcome.key] = outcome
@@ -62,10 +60,7 @@ class SweepStore:
     def finish(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[SweepResult]) -> None:
         """Write all values and results in the order of the points, and remove the parts."""
         self._write(values, outcomes, self._file)
-        if self._parts.is_dir():
-            for part in self._parts.iterdir():
-                part.unlink()
-            self._parts.rmdir()
+        shutil.rmtree(self._parts, ignore_errors=True)
 
     def _write(self, values: Mapping[str, Sequence[float]], outcomes: Sequence[SweepResult], file: Path) -> None:
         import pyarrow as pa  # noqa: PLC0415  # an extra, slow to import
@@ -129,7 +124,7 @@ class LocalWorkers:
         """Yield each task's index and result; a task whose process dies is repeated."""
         waiting = iter(enumerate(tasks))
         running: dict[Future[Result], int] = {}
-        with ThreadPoolExecutor(self._count) as threads, WorkerPool(self._count, NICENESS) as workers:
+        with ThreadPoolExecutor(self._count) as threads, closing(WorkerPool(self._count, NICENESS)) as workers:
             while True:
                 while len(running) < 2 * self._count and (following := next(waiting, None)) is not None:
                     number, task = following

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Literal
 
@@ -184,7 +185,7 @@ def test_predictor_does_not_block_while_it_refines_a_speed(prediction_map: Predi
     file = tmp_path / f"prediction-{prediction_map_key(parameters, speeds, settings)}.npz"
     np.savez(file, **prediction_map.to_arrays())  # type: ignore[arg-type]  # the stub takes names for an option
     times, n_exact, latest = [], 0, []
-    with Predictor(parameters, settings, speeds, tmp_path) as predictor:
+    with closing(Predictor(parameters, settings, speeds, tmp_path)) as predictor:
         while (first := predictor.at(250.0)) is None or not first.is_exact:  # the process starts
             time.sleep(0.1)
         # the shaft stays at each speed; the prediction is read ten times a second

@@ -77,7 +77,7 @@ def test_50_clients_cause_no_sample_loss(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
     live = LiveRun()
-    with Predictors() as predictors, closing(ResultsReader(predictors)) as results:
+    with closing(Predictors()) as predictors, closing(ResultsReader(predictors)) as results:
         predictors.for_rig(rig).wait(120.0)
         before = RecordedRun(request_for(rig, folder, BEFORE, 10.0), predictors.for_rig(rig))
         assert before.wait(60.0)

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 
 import psutil
@@ -36,7 +37,7 @@ def test_analysis_view_and_service_keep_up_with_3_times_200_kilosamples(tmp_path
     watching = psutil.Process()
     live = LiveRun()
     view = LiveView()
-    with Predictors() as predictors:
+    with closing(Predictors()) as predictors:
         predictors.for_rig(rig).wait(120.0)
         catalogue = Catalogue(tmp_path)
         state = service_state(catalogue, live, Summaries(catalogue, predictors))
@@ -74,7 +75,7 @@ def test_memory_is_constant_over_an_hour(tmp_path: Path) -> None:
         ("time_s = 20\n", "time_s = 3600\n"),
     )
     watching = psutil.Process()
-    with Predictors() as predictors:
+    with closing(Predictors()) as predictors:
         predictors.for_rig(rig).wait(120.0)
         run = RecordedRun(request_for(rig, tmp_path), predictors.for_rig(rig))
         (recorder,) = (child for child in watching.children() if "spawn_main" in " ".join(child.cmdline()))

@@ -3,6 +3,7 @@
 import argparse
 import math
 from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 
 import numpy as np
@@ -259,7 +260,7 @@ def _lubrication(parameters: ModelParameters, args: argparse.Namespace) -> Study
 def run_predict(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Compute or load the prediction and print it; return the exit code."""
     rig = load_rig(args.config)
-    with Predictors() as predictors:
+    with closing(Predictors()) as predictors:
         predictor = predictors.for_rig(rig)
         predictor.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
         console.done()

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 from analysis.signals.errors import AnalysisError
 from daq.errors import RigError
@@ -215,14 +214,6 @@ class JobQueue:
         del self._jobs[job_id], self._tasks[job_id]
         if job_id != self._running:
             shutil.rmtree(self._folder / job_id, ignore_errors=True)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _waiting_job(task: Task) -> JobSchema:

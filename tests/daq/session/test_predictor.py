@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -42,13 +43,13 @@ def predictor(folder: Path, viscosity: float = 0.015, speeds: list[float] | None
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a cache folder with the map of a predictor."""
     folder = tmp_path_factory.mktemp("cache") / "not" / "there" / "yet"
-    with predictor(folder) as computing:
+    with closing(predictor(folder)) as computing:
         assert computing.wait(TIMEOUT) is not None
     return folder
 
 
 def test_map_is_computed_in_the_background(tmp_path: Path) -> None:
-    with predictor(tmp_path) as computing:
+    with closing(predictor(tmp_path)) as computing:
         assert computing.state.startswith("computing")
         assert computing.at(530.0) is None
         assert computing.map is None
@@ -67,7 +68,7 @@ def test_map_is_computed_in_the_background(tmp_path: Path) -> None:
 
 
 def test_cached_map_is_ready_immediately(filled: Path) -> None:
-    with predictor(filled) as ready:
+    with closing(predictor(filled)) as ready:
         assert ready.state == "ready"
         assert ready.cache_error == ""
         assert ready.at(530.0) is not None
@@ -75,7 +76,7 @@ def test_cached_map_is_ready_immediately(filled: Path) -> None:
 
 
 def test_other_parameters_are_not_read_from_the_cache(filled: Path) -> None:
-    with predictor(filled, viscosity=0.016) as computing:
+    with closing(predictor(filled, viscosity=0.016)) as computing:
         assert computing.state.startswith("computing")
     assert computing.state == "off: stopped"
 
@@ -84,7 +85,7 @@ def test_other_parameters_are_not_read_from_the_cache(filled: Path) -> None:
 def test_damaged_file_is_reported_and_computed_again(filled: Path, tmp_path: Path, content: bytes) -> None:
     cached = next(filled.glob("*.npz"))
     (tmp_path / cached.name).write_bytes(content)
-    with predictor(tmp_path) as computing:
+    with closing(predictor(tmp_path)) as computing:
         assert computing.state.startswith("computing")
         assert "no readable prediction" in computing.cache_error
         states: list[str] = []
@@ -96,10 +97,10 @@ def test_truncated_file_is_replaced(filled: Path, tmp_path: Path) -> None:
     whole = next(filled.glob("*.npz")).read_bytes()
     damaged = tmp_path / next(filled.glob("*.npz")).name
     damaged.write_bytes(whole[: len(whole) // 2])
-    with predictor(tmp_path) as computing:
+    with closing(predictor(tmp_path)) as computing:
         assert computing.cache_error
         assert computing.wait(TIMEOUT) is not None
-    with predictor(tmp_path) as ready:
+    with closing(predictor(tmp_path)) as ready:
         assert ready.state == "ready"
 
 
@@ -118,13 +119,13 @@ def test_closing_ends_the_computation(tmp_path: Path) -> None:
 
 
 def test_model_without_solution_is_off_with_the_reason(tmp_path: Path) -> None:
-    with predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0]) as failing:
+    with closing(predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0])) as failing:
         assert failing.wait(TIMEOUT) is None
         assert failing.state.startswith("off: eccentricity: the ring reached")
 
 
 def test_model_is_off_after_its_computation_is_killed(tmp_path: Path) -> None:
-    with predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400))) as killed:
+    with closing(predictor(tmp_path, speeds=list(np.linspace(200, 2000, 400)))) as killed:
         process = running_process(killed._worker)
         process.kill()
         killed.wait(TIMEOUT)
@@ -147,14 +148,14 @@ def test_suspended_computation_blocks_no_caller_and_is_ended(tmp_path: Path) -> 
 def test_map_is_computed_without_a_writable_cache_folder(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
-    with predictor(blocked / "cache") as computing:
+    with closing(predictor(blocked / "cache")) as computing:
         assert computing.wait(TIMEOUT) is not None
         assert computing.state == "ready"
     assert blocked.read_text() == "no folder"
 
 
 def test_steady_speed_is_refined_while_the_map_serves(filled: Path) -> None:
-    with predictor(filled) as ready:
+    with closing(predictor(filled)) as ready:
         prediction_map = ready.map
         assert prediction_map is not None
         first = ready.at(530.0)
@@ -174,17 +175,17 @@ def test_steady_speed_is_refined_while_the_map_serves(filled: Path) -> None:
 
 
 def test_map_serves_after_the_refiner_failed(filled: Path) -> None:
-    with predictor(filled) as ready:
+    with closing(predictor(filled)) as ready:
         ready.at(530.0)
         refiner = ready._refiner
         assert refiner is not None
-        refiner._failure = "the process that computes it ended (EOFError)"
+        refiner.failure = "the process that computes it ended (EOFError)"
         assert ready.state == "ready, not exact: the process that computes it ended (EOFError)"
         assert ready.at(530.0) is not None
 
 
 def test_state_can_be_read_while_another_thread_waits(tmp_path: Path) -> None:
-    with predictor(tmp_path) as computing:
+    with closing(predictor(tmp_path)) as computing:
         waiting = threading.Thread(target=computing.wait, args=(TIMEOUT,))
         waiting.start()
         states = set()

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from multiprocessing.connection import Connection
 
 import psutil
@@ -31,7 +32,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 @pytest.fixture
 def processes() -> Iterator[WorkerPool]:
-    with WorkerPool(1, NICENESS, time_limit=PATIENCE) as started:
+    with closing(WorkerPool(1, NICENESS, time_limit=PATIENCE)) as started:
         yield started
 
 
@@ -113,7 +114,7 @@ def test_dead_process_is_reported_and_replaced(processes: WorkerPool) -> None:
 
 
 def test_function_is_cancelled_at_its_time_limit() -> None:
-    with WorkerPool(1, NICENESS, time_limit=PATIENCE) as processes:
+    with closing(WorkerPool(1, NICENESS, time_limit=PATIENCE)) as processes:
         processes.run(len, "")  # starts the process, which the time limit below excludes
         processes._time_limit = 0.5
         with pytest.raises(WorkerTimeoutError, match=r"0\.5 s"):

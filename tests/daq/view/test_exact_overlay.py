@@ -28,7 +28,7 @@ def test_updates_at_steady_speed_have_exact_prediction(rig: RigFactory, tmp_path
     path = record_run(rig(simulation={"profile": steady}), tmp_path)
     with RunReader(path) as reader:
         header = reader.header
-    with Predictor(gj90c(), header.settings, np.array([500.0, 526.0, 552.0]), tmp_path) as model:
+    with closing(Predictor(gj90c(), header.settings, np.array([500.0, 526.0, 552.0]), tmp_path)) as model:
         assert model.wait(60.0) is not None
         end = time.monotonic() + 60.0
         while (known := model.at(SPEED)) is None or not known.is_exact:

@@ -4,6 +4,7 @@ import io
 import json
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -388,7 +389,7 @@ def failing_job(report: ProgressCallback, target: Path, _catalogue: Catalogue, _
 
 def failed_job(folder: Path, work: Callable[..., None]) -> JobSchema:
     """Run a job to its end."""
-    with JobQueue(Catalogue(folder)) as jobs:
+    with closing(JobQueue(Catalogue(folder))) as jobs:
         job = jobs.submit(Task(REQUEST, "a failing job", work, "result.json"))
         end_time = time.monotonic() + 60.0
         while not (job := jobs.job(job.job)).state.is_final:

@@ -225,7 +225,7 @@ def test_only_one_run_starts_at_a_time(tmp_path: Path, rig: RigFactory) -> None:
         made.append(FakeRun(note))
         return made[-1]
 
-    with RunManager(rig(), begin) as manager:
+    with closing(RunManager(rig(), begin)) as manager:
         bench = open_recorded_bench(tmp_path, run_manager=manager)
         first = bench.client.post(f"{API}/runs", json={"note": "warm", "duration_s": 5.0})
         assert (first.status_code, first.json()["run"]) == (201, made[0].header.run)
