@@ -7,16 +7,13 @@ plane of measurement, ``X + i Y``.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.compiling import Compiler
 from model.dynamics import modal_system
 from model.dynamics.modal_system import Constraints, Films, MotionState, Workspace
 from model.films import film_kernels
 from model.films.film_kernels import MIN_WALL_MARGIN, ForceLaw, film_force, film_force_derivatives
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 FRICTION_TRANSITION_SPEED = 1e-3  # m/s: regularises friction, so that it does not jump at the reversal of sliding
 NEWTON_ITERATIONS = 25

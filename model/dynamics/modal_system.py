@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.films.film_kernels import FORCE_LAWS, MIN_WALL_MARGIN, ForceLaw
 from model.linear.modes import free_modes
 from model.rotor.parameters import FloatingRing, ModelParameters
 from model.rotor.supports import SupportCoefficients
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
 NO_LEVEL = -1

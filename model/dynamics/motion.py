@@ -7,16 +7,13 @@ is condensed to the points where films, supports and walls act, and Newton's met
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.units import MICROMETRE
 from model.dynamics.modal_system import NO_LEVEL, ModalSystem
 from model.dynamics.newmark import MAX_SUBSTEP_ANGLE, NO_FAILURE, integrate
 from model.errors import ParameterError, WallContactError
 from model.rotor.parameters import ModelParameters
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 STEPS_PER_TURN = 64
 MIN_SPEED = 50.0  # rad/s: at lower speeds time steps and settling do not scale with the revolution

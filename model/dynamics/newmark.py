@@ -5,8 +5,8 @@ measurement, ``X + i Y``.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.compiling import Compiler
 from model.dynamics import condensed, modal_system
 from model.dynamics.condensed import solve
@@ -21,9 +21,6 @@ from model.dynamics.modal_system import (
     Workspace,
 )
 from model.films import film_kernels
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 NO_FAILURE = -1
 MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # shaft rotation per time step, rad

@@ -19,15 +19,13 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN
 from model.dynamics.newmark import NO_FAILURE, integrate
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 SETTLING_TURNS = 60  # from rest, before Newton's method
 MAX_ITERATIONS = 40

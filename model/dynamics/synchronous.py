@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.dynamics.condensed import bearing_force_derivatives, bearing_forces
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
@@ -20,9 +20,6 @@ from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, inner_sh
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 60
 MAX_ECCENTRICITY = 0.9999  # eccentricity ratio accepted in Newton's method

@@ -9,19 +9,16 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.sparse.linalg import splu
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import EquilibriumError, ParameterError
 from model.films.film import Film, bearing_films
 from model.films.finite_film import Flow, Grid, pressure_unit, slenderness, solve_reynolds, thickness
 from model.films.short_film import CaponeForm, force_components
 from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing
 from model.rotor.rotor import require_positive
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ECCENTRICITY = 1 - 1e-6
 COMPLEX_STEP = 1e-30

@@ -18,16 +18,13 @@ from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
+from analysis.signals import BoolArray, FloatArray
 from analysis.signals.units import MICROMETRE
 from model.errors import EquilibriumError, ParameterError
 from model.films.film import Film
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 MAX_ITERATIONS = 100
 MIN_NODES_IN_GAP = 4  # from the thinnest position to the one where the film is twice as thick

@@ -16,13 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from analysis.signals import FloatArray
 from model.errors import EquilibriumError, ParameterError
 from model.rotor.rotor import require_positive
-
-FloatArray = NDArray[np.float64]
 
 MAX_EQUILIBRIUM_ECCENTRICITY = 0.999  # eccentricity ratio of an accepted equilibrium
 SEARCH_EXTENTS = (

@@ -13,14 +13,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.signals import FloatArray
 from model.errors import ParameterError
 from model.films.long_film import FilmEquilibrium, film_equilibrium, just_complete_film
 from model.rotor.parameters import GRAVITY, FloatingRing
 from model.rotor.rotor import require_positive
-
-FloatArray = NDArray[np.float64]
 
 HOLES = 6  # evenly spaced in the ring, section 3.3.3
 

@@ -14,13 +14,12 @@ from enum import Enum
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
 from model.rotor.parameters import FilmModel
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Numbers = TypeVar("Numbers", FloatArray, ComplexArray)
 
 

@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
 from model.linear.linear_system import LinearSystem, WhirlModes, undamped_isotropic_states, whirl_modes
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
 MIN_MAC = 0.1  # modal assurance criterion between neighbouring speeds of one branch

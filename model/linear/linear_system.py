@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
 from model.rotor.rotor import Rotor
 from model.rotor.supports import Support
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.intp]
 
 OVERDAMPED_TOLERANCE = 1e-9  # relative imaginary part of an eigenvalue below which it is rounding

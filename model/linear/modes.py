@@ -4,16 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
 from model.linear.linear_system import EQUALITY_TOLERANCE, LinearSystem, forward_share, linear_system
 from model.rotor.rotor import Rotor, require_positive
 from model.rotor.supports import Support, SupportCoefficients
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

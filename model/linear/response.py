@@ -3,15 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
 from model.linear.linear_system import LinearSystem
 from model.rotor.parameters import Imbalance
 from model.rotor.supports import StaticLoad
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def imbalance_response(

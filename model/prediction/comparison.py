@@ -5,14 +5,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.live.summary import RunSummary
 from analysis.signals.units import ANGLE, NUMBER, PEAK, SPEED
 from analysis.whirl.findings import WhirlFinding
 from model.prediction.prediction_map import PredictionMap
-
-FloatArray = NDArray[np.float64]
 
 AMPLITUDE_TOLERANCE = 0.25  # of |ln ratio| between measured and predicted 1X: 28 % more, 22 % less
 PHASE_TOLERANCE = math.radians(30)

@@ -13,6 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.header import AnalysisSettings
 from analysis.signals.probes import ProbePair
 from analysis.signals.units import NUMBER, PEAK_TO_PEAK, RATE, RPM, SPEED
@@ -24,9 +25,6 @@ from model.dynamics.stability import SynchronousOrbit, synchronous_orbit
 from model.errors import NoSolutionError, ParameterError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MODEL_VERSION = 4  # increase with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: noise of rounding and incomplete settling between the lines

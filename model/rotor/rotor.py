@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from model.errors import ParameterError
-
-FloatArray = NDArray[np.float64]
 
 LENGTH_POWERS = np.array([0, 1, 0, 1])  # slopes carry a factor of the length
 

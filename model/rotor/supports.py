@@ -4,12 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from model.errors import ParameterError
 from model.rotor.rotor import require_positive
 
-FloatArray = NDArray[np.float64]
 Matrix = tuple[tuple[float, float], tuple[float, float]]
 
 ZERO_MATRIX: Matrix = ((0.0, 0.0), (0.0, 0.0))

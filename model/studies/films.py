@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from analysis.signals import FloatArray
 from model.errors import EquilibriumError
 from model.films.coefficients import LinearCoefficients, differentiated_coefficients, perturbed_coefficients
 from model.films.film import Film, bearing_films
@@ -17,8 +18,6 @@ from model.rotor.parameters import FilmModel, FloatingRing
 from model.rotor.rotor import require_positive
 from model.studies.linear_studies import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
-
-FloatArray = NDArray[np.float64]
 
 CAVITY_NOTES = {
     FilmModel.CAPONE: "short and finite film cavitate at zero pressure (half film; Reynolds condition)",

@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.units import MICROMETRE, MILLIMETRE, phase_lag_degrees
 from model.dynamics.synchronous import synchronous_response
 from model.errors import NoSolutionError
@@ -17,8 +17,6 @@ from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Rotor
 from model.rotor.supports import Support, SupportCoefficients
 from model.studies.study import Plot, Series, Study, Style
-
-FloatArray = NDArray[np.float64]
 
 SPEED_LABEL = "Speed of the shaft [rad/s]"
 DEFAULT_STIFFNESS = 1e4  # N/m, as in Table 5.3 of the thesis
@@ -94,7 +92,7 @@ def _whirl_direction(forward: float, *, is_rigid: bool) -> str:
     return "forward" if forward > 0.99 else "reverse" if forward < -0.99 else f"mixed {forward:+.2f}"
 
 
-def _largest(values: NDArray[np.complex128]) -> complex:
+def _largest(values: ComplexArray) -> complex:
     return complex(values[int(np.argmax(np.abs(values)))])
 
 
@@ -253,7 +251,7 @@ def _is_wide(series: list[Series]) -> bool:
     return bool(values.size and values.max() > 50 * values.min() > 0)
 
 
-def _forward_response(parameters: ModelParameters, speeds: FloatArray) -> NDArray[np.complex128]:
+def _forward_response(parameters: ModelParameters, speeds: FloatArray) -> ComplexArray:
     weightless = replace(parameters, gravity=0.0)
     found, last = [], None
     for speed in speeds:

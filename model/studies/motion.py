@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import ComplexArray, FloatArray
 from analysis.signals.units import MICROMETRE, MILLIMETRE, phase_lag_degrees
 from analysis.spectra.order_map import order_spectrum
 from model.dynamics.motion import ShaftMotion
@@ -20,8 +20,6 @@ from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, synchron
 from model.errors import NoSolutionError, ParameterError
 from model.rotor.parameters import ModelParameters
 from model.studies.study import Plot, Series, Study, Style
-
-FloatArray = NDArray[np.float64]
 
 STEPS_PER_TURN = 96
 DEFAULT_PERTURBATION = 0.02e-6  # m: a tenth of the smallest whirl that is evaluated
@@ -223,7 +221,7 @@ def motion_study(
     )
 
 
-def _spectrum(path: FloatArray, turns: int) -> tuple[FloatArray, NDArray[np.complex128]]:
+def _spectrum(path: FloatArray, turns: int) -> tuple[FloatArray, ComplexArray]:
     orders, spectrum = order_spectrum(path - path.mean(axis=-1, keepdims=True), turns)
     count = int(np.searchsorted(orders, MAX_ORDER, side="right"))
     return orders[:count], spectrum[..., :count]
@@ -260,7 +258,7 @@ def _station_columns(
 
 
 def _plots(
-    title: str, orbit: FloatArray, points: FloatArray, orders: FloatArray, spectrum: NDArray[np.complex128]
+    title: str, orbit: FloatArray, points: FloatArray, orders: FloatArray, spectrum: ComplexArray
 ) -> tuple[Plot, ...]:
     floor = 1e-3  # µm peak
     marks = Series("once a turn, at θ = 0", points[0], points[1], Style.POINTS)

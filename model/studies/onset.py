@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from analysis.signals.units import RPM
 from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, dominant_film, synchronous_orbit
 from model.dynamics.synchronous import SynchronousResponse, synchronous_response
@@ -16,8 +16,6 @@ from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
 from model.studies.linear_studies import SPEED_LABEL
 from model.studies.study import Plot, Series, Study, Style
-
-FloatArray = NDArray[np.float64]
 
 PRECISION = 1.0  # rad/s, of the limits of unstable bands
 _NO_WHIRL = Whirl(math.nan, math.nan, math.nan)

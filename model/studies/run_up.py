@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import BoolArray, FloatArray
 from analysis.signals.units import MICROMETRE
 from analysis.spectra.order_map import order_spectrum
 from model.dynamics.stability import FilmName
@@ -21,8 +21,6 @@ from model.studies.motion import (
     SteppedMotion,
 )
 from model.studies.study import Plot, Series, Study, Style, Surface
-
-FloatArray = NDArray[np.float64]
 
 MAX_COMBINATION_ORDER = 5  # largest integer factor in combinations of a whirl with 1X
 MAX_COMBINATION_OFFSET = 0.5  # lines between a peak and the order of a combination
@@ -146,7 +144,7 @@ class RunUp:
         is_visible = np.flatnonzero(self._visible(film))
         return float(self.speeds[is_visible[-1]]) if is_visible.size else math.nan
 
-    def _visible(self, film: FilmName) -> NDArray[np.bool_]:
+    def _visible(self, film: FilmName) -> BoolArray:
         _, size = self.whirl(film)
         return np.asarray((size > VISIBLE_RATIO * self.first_order) & (size > MIN_AMPLITUDE))
 

@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
+from analysis.signals import FloatArray
 
-FloatArray = NDArray[np.float64]
 Cell = float | str
 
 

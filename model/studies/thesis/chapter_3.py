@@ -7,8 +7,8 @@ load assumed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from model.films.lubrication import nominal_lubrication, thesis_like_lubrication
 from model.studies.thesis.chapter_3_cases import (
     CalibratedChapter,
@@ -23,8 +23,6 @@ from model.studies.thesis.chapter_3_cases import (
     outer_rupture,
 )
 from model.studies.thesis.report import Chapter, Comparison, Relation
-
-FloatArray = NDArray[np.float64]
 
 SIDE_FORCE = (
     "a difference with these zeros has a side force: horizontal balance requires that its mean times sin Psi is 0, "

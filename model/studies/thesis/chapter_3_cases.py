@@ -4,12 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.signals import FloatArray
 from model.films.lubrication import Lubrication, RingEquilibrium
 from model.studies.thesis.report import Curve, Figure
-
-FloatArray = NDArray[np.float64]
 
 LOADS = (10.0, 20.0, 30.0)  # N
 PRESSURES = (1e5, 2e5, 3e5)  # Pa

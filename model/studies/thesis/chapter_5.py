@@ -4,7 +4,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.signals.units import MILLIMETRE
 from model.linear.linear_system import whirl_modes
@@ -50,8 +49,6 @@ def misprint_reason(speed: int, printed: int) -> str:
         return COPIED_MINUS_50
     return MISPRINT_11667 if (speed, printed) == (8000, -11667) else ""
 
-
-FloatArray = NDArray[np.float64]
 
 TABLE_5_2 = (1730.0, 5045.0, 11975.0, 18193.0)  # Hz
 STIFFNESS = 1e4  # N/m, of Table 5.3

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE
 from model.dynamics.stability import FilmName
@@ -25,7 +24,6 @@ from model.studies.thesis.report import Comparison
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
-FloatArray = NDArray[np.float64]
 
 IMBALANCE_FRACTION = 0.05  # of the printed imbalances
 SPEEDS = np.arange(200.0, 8001.0, 100.0)  # rad/s

@@ -6,10 +6,7 @@ Numbers are in the printed unit of the thesis, which is given with each of them.
 from dataclasses import dataclass
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
-FloatArray = NDArray[np.float64]
+from analysis.signals import FloatArray
 
 
 class Relation(Enum):
