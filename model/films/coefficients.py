@@ -68,7 +68,7 @@ def short_film_ratios(eccentricity: float, model: FilmModel = FilmModel.CAPONE) 
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the eccentricity lies outside its range.
     """
     _require_inside(eccentricity)
@@ -123,7 +123,7 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
 
     Raises
     ------
-    ValueError
+    ParameterError
         If load or speed is not positive.
     EquilibriumError
         If the load presses the inner body against the wall.
@@ -172,7 +172,7 @@ def differentiated_coefficients(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the position is the centre or at or beyond the wall, or the speed is 0.
     """
     _require_inside(abs(position) / film.clearance)
@@ -273,7 +273,7 @@ def perturbed_coefficients(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the position is at or beyond the wall.
     EquilibriumError
         If the static film does not converge.
@@ -323,7 +323,7 @@ def finite_film_equilibrium(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If load or speed is not positive, or the grid is too coarse for the eccentricity under this load.
     EquilibriumError
         If Newton's method does not converge within the clearance.

@@ -5,6 +5,7 @@ import math
 from dataclasses import dataclass
 
 from analysis.signals.units import MICROMETRE
+from model.errors import ParameterError
 from model.films.film_kernels import FORCE_LAWS, MIN_WALL_MARGIN, film_force
 from model.films.short_film import CaponeForm, capone_forces, require_capone
 from model.rotor.parameters import FilmModel, FloatingRing
@@ -30,7 +31,7 @@ class Film:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a value is not positive.
     """
 
@@ -72,17 +73,19 @@ class Film:
 
         Raises
         ------
-        ValueError
+        ParameterError
             If the position is at or beyond the wall, velocity or speed are not finite, or the model has no such form.
         """
         eccentricity = abs(position) / self.clearance
         if not 1 - eccentricity**2 >= MIN_WALL_MARGIN:
-            raise ValueError(
+            raise ParameterError(
                 f"position: {abs(position) / MICROMETRE:.3f} µm from the centre, expected less than the clearance of "
                 f"{self.clearance / MICROMETRE:g} µm (eccentricity ratio {eccentricity:.5f})"
             )
         if not (cmath.isfinite(velocity) and math.isfinite(surface_speed)):
-            raise ValueError(f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values")
+            raise ParameterError(
+                f"velocity, surface_speed: {velocity} m/s, {surface_speed} rad/s, expected finite values"
+            )
         if form is CaponeForm.AS_PRINTED:
             require_capone(self.model)
             moving = velocity / self.clearance

@@ -54,7 +54,7 @@ class Grid:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a number of intervals is odd or too small.
     """
 
@@ -162,7 +162,7 @@ class Groove:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a value is invalid.
     """
 
@@ -171,9 +171,9 @@ class Groove:
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.angle):
-            raise ValueError(f"angle: {self.angle} rad, expected a finite angle")
+            raise ParameterError(f"angle: {self.angle} rad, expected a finite angle")
         if not (math.isfinite(self.pressure) and self.pressure >= 0):
-            raise ValueError(f"pressure: {self.pressure:g} Pa, expected a finite value, 0 or more")
+            raise ParameterError(f"pressure: {self.pressure:g} Pa, expected a finite value, 0 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +237,7 @@ def solve_reynolds(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the position is at or beyond the wall, or a value is not finite.
     EquilibriumError
         If the full-film set does not converge.
@@ -245,7 +245,7 @@ def solve_reynolds(
     if groove is not None:
         grid = replace(grid, first_angle=groove.angle)
     if not math.isfinite(surface_speed):
-        raise ValueError(f"surface_speed: {surface_speed} rad/s, expected a finite value")
+        raise ParameterError(f"surface_speed: {surface_speed} rad/s, expected a finite value")
     _require_inside(film, position)
     _require_resolved(abs(position) / film.clearance, grid)
     unit = pressure_unit(film)
@@ -292,12 +292,12 @@ def thickness(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the position is at or beyond the wall or the velocity is not finite.
     """
     _require_inside(film, position)
     if not np.isfinite(velocity):
-        raise ValueError(f"velocity: {velocity} m/s, expected a finite value")
+        raise ParameterError(f"velocity: {velocity} m/s, expected a finite value")
     z, v = position / film.clearance, velocity / film.clearance
     at_faces = 1 - (z * np.exp(-1j * grid.faces)).real
     at_nodes = 1 - (z * np.exp(-1j * grid.angles)).real
@@ -306,7 +306,7 @@ def thickness(
 
 def _require_inside(film: Film, position: complex) -> None:
     if not abs(position) < film.clearance:
-        raise ValueError(
+        raise ParameterError(
             f"position: {abs(position) / MICROMETRE:g} µm from the centre, expected less than the clearance of "
             f"{film.clearance / MICROMETRE:g} µm"
         )
@@ -315,7 +315,7 @@ def _require_inside(film: Film, position: complex) -> None:
 def _require_resolved(eccentricity: float, grid: Grid) -> None:
     narrow = math.sqrt(2 * (1 - eccentricity))  # angle over which the thickness doubles from its minimum
     if narrow < MIN_NODES_IN_GAP * grid.width:
-        raise ValueError(
+        raise ParameterError(
             f"around: {grid.around} nodes, expected at least {math.ceil(MIN_NODES_IN_GAP * 2 * math.pi / narrow)} to "
             f"resolve the film at {eccentricity:.6f} of its clearance"
         )

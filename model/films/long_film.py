@@ -66,28 +66,6 @@ def bearing_angle(phi: ArrayLike, eccentricity: float) -> FloatArray:
     return np.asarray(angle + 2 * np.arctan2(beta * np.sin(angle), 1 - beta * np.cos(angle)))  # Eq. (3.13)
 
 
-def sommerfeld_integrals(phi: ArrayLike, eccentricity: float) -> tuple[FloatArray, FloatArray]:
-    """Return the integrals from 0 to phi of cos theta and of 1 over (1 + eps cos theta)³.
-
-    Parameters
-    ----------
-    phi : array_like
-        Sommerfeld variable, rad.
-    eccentricity : float
-        Ratio, at least 0 and below 1.
-
-    Returns
-    -------
-    tuple of ndarray
-        Int cos theta dtheta / (1 + eps cos theta)³ and Int dtheta / (1 + eps cos theta)³.
-    """
-    ph, eps = np.asarray(phi, dtype=np.float64), eccentricity
-    power = (1 - eps**2) ** 2.5
-    cosine = (2 * (1 + eps**2) * np.sin(ph) - 3 * eps * ph - eps * np.sin(ph) * np.cos(ph)) / (2 * power)  # Eq. (3.14)
-    one = (ph - 2 * eps * np.sin(ph) + eps**2 * ph / 2 + eps**2 / 4 * np.sin(2 * ph)) / power  # Eq. (3.15)
-    return cosine, one
-
-
 @dataclass(frozen=True, slots=True)
 class LongFilm:
     """Dimensionless pressure distribution of an infinitely long film at an eccentricity.
@@ -187,7 +165,7 @@ def ruptured_film(eccentricity: float, extent: float) -> LongFilm:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a value is outside its range.
     """
     if not 0 < eccentricity < 1:
@@ -320,7 +298,7 @@ def film_equilibrium(load: float, scale: float, area: float, inlet_pressure: flo
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a quantity is invalid.
     EquilibriumError
         If the load presses the body against the wall, or is too small to resolve.

@@ -103,7 +103,7 @@ class Lubrication:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If a factor is not positive or gravity is negative.
     """
 
@@ -152,7 +152,7 @@ class Lubrication:
 
         Raises
         ------
-        ValueError
+        ParameterError
             If a quantity is invalid.
         EquilibriumError
             If a film cannot carry the load.
@@ -187,7 +187,7 @@ class Lubrication:
 
         Raises
         ------
-        ValueError
+        ParameterError
             If load or pressure is not positive.
         EquilibriumError
             If the film would close too near its centre or the wall to be computed.

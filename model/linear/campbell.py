@@ -9,7 +9,7 @@ from scipy.optimize import linear_sum_assignment
 
 from analysis.signals import ComplexArray, FloatArray
 from model.errors import ParameterError
-from model.linear.linear_system import LinearSystem, WhirlModes, undamped_isotropic_states, whirl_modes
+from model.linear.linear_system import LinearSystem, undamped_isotropic_states, whirl_modes
 
 IntArray = NDArray[np.intp]
 
@@ -34,16 +34,6 @@ class Campbell:
     speeds: FloatArray
     frequencies: FloatArray
     growth_rates: FloatArray
-
-    def sorted_frequencies(self, count: int, *, forward: bool) -> FloatArray:
-        """Return the ``count`` lowest frequencies of one whirl direction at each speed, (count, n_speeds), rad/s.
-
-        They are sorted by size, not tracked; NaN where there are fewer.
-        """
-        size = self.frequencies if forward else -self.frequencies
-        lowest = np.sort(np.where(size >= 0, size, np.nan), axis=0)[:count]
-        missing = np.full((count - lowest.shape[0], self.speeds.size), np.nan)
-        return np.concatenate((lowest, missing)) * (1 if forward else -1)
 
 
 def campbell(system: LinearSystem, speeds: Sequence[float] | FloatArray, branches: int | None = None) -> Campbell:
@@ -102,11 +92,6 @@ def _spectra(
         [one.growth_rates for one in modes],
         [one.vectors for one in modes],
     )
-
-
-def modal_assurance(first: WhirlModes, second: WhirlModes) -> FloatArray:
-    """Return the modal assurance criterion (MAC) of all pairs of modes, first by second, 0 to 1."""
-    return np.asarray(np.abs(first.vectors.conj() @ second.vectors.T) ** 2, np.float64)
 
 
 def _match(last: FloatArray | ComplexArray, following: FloatArray | ComplexArray) -> tuple[IntArray, IntArray]:

@@ -237,7 +237,7 @@ def compute_prediction_map(
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the speeds are not rising.
     WallContactError
         If the motion reaches a wall.

@@ -115,34 +115,6 @@ class StaticLoad:
                 raise ParameterError(f"load: {value:g} N at station {self.station}, expected a finite value")
 
 
-def equivalent_stiffness(inner: float, outer: float, ring_mass: float, frequency: float) -> float:
-    """Return the dynamic stiffness of two springs in series with a ring between them.
-
-    Parameters
-    ----------
-    inner, outer : float
-        N/m.
-    ring_mass : float
-        kg.
-    frequency : float
-        Whirl frequency, rad/s.
-
-    Returns
-    -------
-    float
-        N/m; negative if the ring moves in antiphase to the shaft.
-
-    Raises
-    ------
-    ParameterError
-        At the resonance of the ring, where the stiffness is infinite.
-    """
-    outer_dynamic_stiffness = outer - ring_mass * frequency**2
-    if inner + outer_dynamic_stiffness == 0:
-        raise ParameterError(f"frequency: {frequency:g} rad/s, expected a frequency other than the ring's resonance")
-    return inner * outer_dynamic_stiffness / (inner + outer_dynamic_stiffness)  # Eq. (5.11)
-
-
 @dataclass(frozen=True, slots=True)
 class Rub:
     """A wall that presses and rubs on the shaft when the shaft touches it.

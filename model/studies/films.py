@@ -75,7 +75,7 @@ def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayL
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the speed is not positive, or an eccentricity is outside its range or too close to the wall for the grid.
     """
     require_positive("surface_speed", surface_speed, "rad/s")

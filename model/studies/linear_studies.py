@@ -11,7 +11,7 @@ from model.dynamics.synchronous import synchronous_response
 from model.errors import NoSolutionError
 from model.linear.campbell import campbell
 from model.linear.linear_system import LinearSystem, linear_system, whirl_modes
-from model.linear.modes import critical_speed_map, system_critical_speeds
+from model.linear.modes import critical_speed_map, critical_speeds
 from model.linear.response import imbalance_response
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import Rotor
@@ -116,7 +116,7 @@ def campbell_study(
     """
     system = supported_system(parameters, stiffness)
     found = campbell(system, speeds, count)
-    critical = system_critical_speeds(system, float(speeds[-1]))
+    critical = critical_speeds(system, float(speeds[-1]))
     frequencies = found.frequencies / (2 * math.pi)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
     for number, branch in enumerate(frequencies, 1):

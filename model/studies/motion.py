@@ -68,7 +68,7 @@ class SteppedMotion:
 
     Raises
     ------
-    ValueError
+    ParameterError
         If the perturbation is invalid.
     """
 

@@ -133,6 +133,14 @@ class RunUp:
         """Amplitude of 1X at each speed, m peak."""
         return np.asarray(self.spectrum[:, int(np.argmin(np.abs(self.orders - 1)))])
 
+    @property
+    def is_growing(self) -> BoolArray:
+        """Whether the motion at each speed is unstable, but had too few turns for a whirl to become visible, (n,)."""
+        if self.perturbation is None:
+            return np.zeros(self.speeds.size, np.bool_)
+        is_slow = (self.perturbation.growth_rates > 0) & (self.perturbation.turns >= MAX_GROWTH_TURNS)
+        return np.asarray(is_slow & ~self._visible(FilmName.INNER) & ~self._visible(FilmName.OUTER))
+
     def onset(self, film: FilmName) -> float:
         """Return the first of two successive speeds with visible whirl of a film, rad/s; NaN without any."""
         is_visible = self._visible(film)

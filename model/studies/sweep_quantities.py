@@ -13,10 +13,12 @@ from analysis.signals.units import MICROMETRE, MILLIMETRE, phase_lag_degrees
 from model.dynamics.stability import FilmName
 from model.dynamics.synchronous import synchronous_response
 from model.errors import ModelError, ParameterError
+from model.linear.linear_system import linear_system
 from model.linear.modes import critical_speeds
 from model.prediction.prediction_map import MODEL_VERSION
 from model.rotor.parameters import Imbalance, ModelParameters
 from model.rotor.supports import Rub, SupportCoefficients
+from model.studies.linear_studies import journal_springs
 from model.studies.motion import DEFAULT_PERTURBATION
 from model.studies.onset import stability
 from model.studies.run_up import run_up
@@ -256,7 +258,8 @@ def _whirl(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[f
 
 
 def _critical(parameters: ModelParameters, options: Mapping[str, float]) -> tuple[float, ...]:
-    found = critical_speeds(parameters.rotor, options["stiffness_n_m"], options["highest_speed_rad_s"])
+    springs = journal_springs(parameters.rotor, options["stiffness_n_m"])
+    found = critical_speeds(linear_system(parameters.rotor, springs), options["highest_speed_rad_s"])
     first = [speeds[0] if speeds else math.nan for speeds in (found.forward, found.reverse)]
     return *first, float(len(found.forward)), float(len(found.reverse))
 

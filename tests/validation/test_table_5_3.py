@@ -7,8 +7,10 @@ their reason and compared with a wider tolerance, so that all 170 entries are co
 import numpy as np
 import pytest
 
-from model.linear.modes import critical_speeds, natural_frequencies
-from model.rotor.gj90c import gj90c_rotor
+from model.linear.linear_system import whirl_modes
+from model.linear.modes import critical_speeds
+from model.rotor.gj90c import gj90c
+from model.studies.linear_studies import supported_system
 from model.studies.thesis.chapter_5 import TABLE_5_3, misprint_reason
 
 BEARING_STIFFNESS = 1e4  # N/m
@@ -23,7 +25,8 @@ WIDER: dict[tuple[int, int], tuple[float, str]] = {
 
 
 def computed(speed: float) -> tuple[list[float], list[float]]:
-    frequencies = natural_frequencies(gj90c_rotor(), BEARING_STIFFNESS, speed) / (2 * np.pi)
+    (modes,) = whirl_modes(supported_system(gj90c(), BEARING_STIFFNESS), [speed])
+    frequencies = np.sort(modes.frequencies) / (2 * np.pi)
     middle = frequencies.size // 2
     return list(frequencies[middle : middle + 5][::-1]), list(frequencies[middle - 5 : middle])
 
@@ -68,16 +71,16 @@ def test_number_of_critical_speeds_is_that_of_the_campbell_diagrams(
     bearing_stiffness: float, forward: tuple[float, ...], reverse: tuple[float, ...]
 ) -> None:
     # Section 5.3 states 2, 4 and 5 crossings; the speeds were found independently from the determinant.
-    found = critical_speeds(gj90c_rotor(), bearing_stiffness, 8000)
+    found = critical_speeds(supported_system(gj90c(), bearing_stiffness), 8000)
     assert found.forward == pytest.approx(forward, abs=0.06)
     assert found.reverse == pytest.approx(reverse, abs=0.06)
 
 
 @pytest.mark.parametrize("bearing_stiffness", [1e4, 1e7, 1e10])
 def test_a_critical_speed_is_where_a_frequency_equals_the_speed(bearing_stiffness: float) -> None:
-    rotor = gj90c_rotor()
-    found = critical_speeds(rotor, bearing_stiffness, 8000)
+    system = supported_system(gj90c(), bearing_stiffness)
+    found = critical_speeds(system, 8000)
     for sign, speeds in ((1, found.forward), (-1, found.reverse)):
         for speed in speeds:
-            frequencies = natural_frequencies(rotor, bearing_stiffness, speed)
+            frequencies = whirl_modes(system, [speed])[0].frequencies
             assert np.min(np.abs(frequencies - sign * speed)) < 1e-3

@@ -5,31 +5,26 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import cycle
 from pathlib import Path
 
 from daq.cli.terminal import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import LocalWorkers
-from model.studies.study import Plot, Series, Style, Surface
-from model.studies.thesis.chapter_3 import chapter_3
+from model.studies.thesis.chapter_3 import chapter_3_comparisons, chapter_3_readings
+from model.studies.thesis.chapter_3_cases import chapter_3_figures
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
 from model.studies.thesis.chapter_6 import (
     CASES,
     CaseResult,
-    Trend,
     chapter_6_comparisons,
     chapter_6_figures,
     onsets_by_eigenvalues,
     run_case,
     trends,
 )
-from model.studies.thesis.report import Comparison, Figure
+from model.studies.thesis.report import Captioned, Comparison, Trend, Verdict, headline
 from recordings.file_operations import atomic_write
 
-Captioned = tuple[str, tuple[Plot | Surface, ...]]
-
-_STYLES = (Style.LINE, Style.DASHED, Style.DOTTED)  # to distinguish equal curves
 _STYLE = """\
 body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
 table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
@@ -40,7 +35,9 @@ figcaption{font-size:13px;color:#444}.three figure{display:inline-block;width:48
 """
 _INTRODUCTION = (
     "Tables and figures of H. Zhang (2012): stated and computed numbers. “Reproduced” means within the tolerance of "
-    "the printed value; if a number differs, the note gives the reason."
+    "the printed value; if a number differs, the note gives the reason. Each statement counts once. Bounds (an "
+    "inequality, the limit of an axis) are satisfied by many values and count apart; values that set a factor of the "
+    "computation are no agreement; “undecided” means that the computation was too short to tell."
 )
 
 
@@ -69,18 +66,6 @@ class Part:
     trends: tuple[Trend, ...] = ()
 
 
-def captioned_plot(figure: Figure) -> Captioned:
-    """Return a figure as caption and plots."""
-    series = tuple(
-        Series(curve.label, curve.x, curve.y, style)
-        for curve, style in zip(figure.curves, cycle(_STYLES), strict=False)
-    )
-    plot = Plot(
-        figure.title, figure.x_label, figure.y_label, series, y_limits=figure.y_limits, empty_text=figure.empty_text
-    )
-    return f"Fig. {figure.number}: {figure.title}", (plot,)
-
-
 def report_html(parts: Sequence[Part]) -> str:
     """Return the report as HTML."""
     body = [
@@ -101,19 +86,13 @@ def report_html(parts: Sequence[Part]) -> str:
     return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
 
 
-def count_reproduced(part: Part) -> tuple[int, int]:
-    """Return the number of reproduced numbers and trends of a part, and their total."""
-    verdicts = [one.is_reproduced for one in part.comparisons] + [one.is_reproduced for one in part.trends]
-    return sum(verdicts), len(verdicts)
-
-
 def _overview(parts: Sequence[Part]) -> str:
     rows = []
     for part in parts:
-        reproduced, total = count_reproduced(part)
-        places = Counter(one.place for one in part.comparisons if not one.is_reproduced)
+        places = Counter(one.place for one in part.comparisons if one.verdict is not Verdict.REPRODUCED)
         missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
-        rows.append(f"<tr><td>{escape(part.title)}<td class=n>{reproduced} of {total}<td>{escape(missed)}</tr>")
+        cells = (part.title, headline(part.comparisons, part.trends), missed)
+        rows.append(f"<tr>{''.join(f'<td>{escape(cell)}' for cell in cells)}</tr>")
     return f"<table><tr><th>Chapter<th>Reproduced<th>Numbers that differ, by place</tr>{''.join(rows)}</table>"
 
 
@@ -122,7 +101,7 @@ def _comparisons(comparisons: Iterable[Comparison]) -> str:
     for one in comparisons:
         computed = "none" if one.computed is None else _number(one.computed)
         deviation = "" if one.deviation is None else _signed(one.deviation)
-        verdict, kind = ("reproduced", "yes") if one.is_reproduced else ("not reproduced", "no")
+        kind = "yes" if one.verdict is Verdict.REPRODUCED else "no"
         relation = "" if one.relation.value == "=" else f"{one.relation.value} "
         cells = (
             one.place,
@@ -131,20 +110,21 @@ def _comparisons(comparisons: Iterable[Comparison]) -> str:
             computed,
             deviation,
             one.unit,
-            verdict,
+            one.kind.value,
+            one.verdict.value,
             one.note,
         )
-        kinds = ("", "", " class=n", " class=n", " class=n", "", " class=v", "")
+        kinds = ("", "", " class=n", " class=n", " class=n", "", "", " class=v", "")
         row = "".join(f"<td{k}>{escape(cell)}" for k, cell in zip(kinds, cells, strict=True))
         rows.append(f"<tr class={kind}>{row}</tr>")
-    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Verdict", "Note")
+    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Kind", "Verdict", "Note")
     return f"<table><tr>{''.join(f'<th>{name}' for name in names)}</tr>{''.join(rows)}</table>"
 
 
 def _trends(trends: Iterable[Trend]) -> str:
     rows = "".join(
-        f"<tr class={'yes' if one.is_reproduced else 'no'}><td>{escape(one.text)}"
-        f"<td class=v>{'reproduced' if one.is_reproduced else 'not reproduced'}<td>{escape(one.computed)}</tr>"
+        f"<tr class={'yes' if one.verdict is Verdict.REPRODUCED else 'no'}><td>{escape(one.text)}"
+        f"<td class=v>{one.verdict.value}<td>{escape(one.computed)}</tr>"
         for one in trends
     )
     return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in order of the cases</tr>{rows}</table>"
@@ -213,8 +193,7 @@ def run_thesis(args: argparse.Namespace, console: TerminalOutput) -> int:
         raise UsageError(f"{file}: cannot be written ({error.strerror})") from error
     console.done()
     for part in parts:
-        reproduced, total = count_reproduced(part)
-        print(f"{part.title}: {reproduced} of {total} numbers and trends reproduced")
+        print(f"{part.title}: {headline(part.comparisons, part.trends)}")
     print(f"report: {file}")
     return 0
 
@@ -227,9 +206,14 @@ def compute_parts(on_progress: Callable[[str], None]) -> list[Part]:
         on_progress(f"chapter 6: {len(found)} of {len(CASES)} cases")
     outcomes = tuple(found[number] for number in range(len(CASES)))
     on_progress("chapters 3 and 5")
-    third = chapter_3()
+    readings = chapter_3_readings()
     return [
-        Part(third.title, _CHAPTER_3, third.comparisons, tuple(captioned_plot(one) for one in third.figures)),
+        Part(
+            "Chapter 3: lubrication of floating-ring bearings",
+            _CHAPTER_3,
+            tuple(one for reading in readings for one in chapter_3_comparisons(reading)),
+            tuple(one for reading in readings for one in chapter_3_figures(reading)),
+        ),
         Part(
             "Chapter 5: modes and critical speeds of the rotor",
             _CHAPTER_5,

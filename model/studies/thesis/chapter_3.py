@@ -6,23 +6,14 @@ the two factors that reproduce the equilibria. Flows are scaled so that 10 N, 1e
 load assumed.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from analysis.signals import FloatArray
 from model.films.lubrication import nominal_lubrication, thesis_like_lubrication
-from model.studies.thesis.chapter_3_cases import (
-    CalibratedChapter,
-    Case,
-    calibrated_chapter,
-    chapter_3_figures,
-    inner_attitude,
-    inner_rupture,
-    mean_flow,
-    outer_attitude,
-    outer_eccentricity,
-    outer_rupture,
-)
-from model.studies.thesis.report import Chapter, Comparison, Relation
+from model.studies.thesis.chapter_3_cases import SPEEDS, CalibratedChapter, Case, calibrated_chapter
+from model.studies.thesis.report import Comparison, Kind, Relation
 
 SIDE_FORCE = (
     "a difference with these zeros has a side force: horizontal balance requires that its mean times sin Psi is 0, "
@@ -34,120 +25,92 @@ FLOW_TREND = (
 )
 ZEROS_MOVE = "no load stated, 30 N assumed; the flow has kinks where a hole meets a zero of Fig. 3.9, and these differ"
 LOAD_RATIO = "the ratio of the speeds for 10, 20 and 30 N is 1 to 2.7 to 4.9 with any calibration"
+AXIS = "axis of the figure; the load is not stated"
+UNSTATED = "3,000 rad/s, 2e5 Pa, load not stated (30 N assumed)"
 
 
-def chapter_3() -> Chapter:
-    """Return chapter 3 recomputed with both calibrations; takes about a second."""
-    readings = (
+def chapter_3_readings() -> tuple[CalibratedChapter, CalibratedChapter]:
+    """Return the cases of chapter 3 with both calibrations; takes about a second."""
+    return (
         calibrated_chapter("nominal", nominal_lubrication()),
         calibrated_chapter("thesis-like", thesis_like_lubrication()),
     )
-    comparisons = [comparison for chapter in readings for comparison in _comparisons(chapter)]
-    figures = [figure for chapter in readings for figure in chapter_3_figures(chapter)]
-    return Chapter("Chapter 3: lubrication of floating-ring bearings", tuple(comparisons), tuple(figures))
 
 
-def _comparisons(chapter: CalibratedChapter) -> list[Comparison]:
-    return [*_equilibria(chapter), *_cavities(chapter), *_differences(chapter), *_flows(chapter)]
+def chapter_3_comparisons(chapter: CalibratedChapter) -> list[Comparison]:
+    """Return all numbers stated in chapter 3 with those of a calibration."""
+    found = [*_equilibria(chapter), *_cavities(chapter), *_differences(chapter), *_flows(chapter)]
+    return [
+        replace(
+            one,
+            place=f"Fig. {one.place}",
+            note=f"{chapter.name}; {one.note}" if one.note else chapter.name,
+            calibration=chapter.calibration,
+        )
+        for one in found
+    ]
 
 
 def _equilibria(chapter: CalibratedChapter) -> list[Comparison]:
     note = _inner_note(chapter)
-    falling = sum(bool(np.all(np.diff(case.over_speed(outer_eccentricity)[1]) < 0)) for case in chapter.by_load)
-    rising = sum(bool(np.all(np.diff(case.over_speed(outer_attitude)[1]) > -1e-9)) for case in chapter.by_load)
+    falling = sum(bool(np.all(np.diff(case.over_speed("outer eccentricity")[1]) < 0)) for case in chapter.by_load)
+    rising = sum(bool(np.all(np.diff(case.over_speed("outer attitude")[1]) > -1e-9)) for case in chapter.by_load)
     found = [
-        _equality(chapter, "3.2", "loads whose outer eccentricity falls with speed", "-", 3, falling, 0, "counted"),
-        _equality(chapter, "3.2", "loads whose outer attitude nears 90° with speed", "-", 3, rising, 0, "counted"),
+        Comparison("3.2", "loads whose outer eccentricity falls with speed", "-", 3, falling, 0, "counted"),
+        Comparison("3.2", "loads whose outer attitude nears 90° with speed", "-", 3, rising, 0, "counted"),
     ]
-    for case, eccentricity, attitude in zip(chapter.by_load, (0.12, 0.23, 0.35), (90, 89, 87), strict=True):
-        equilibrium, where = case.at(1000.0), _case_and_speed(case, 1000.0)
-        found += [
-            _equality(
-                chapter,
-                "3.3",
-                f"inner eccentricity, {where}",
-                "-",
-                eccentricity,
-                equilibrium.inner.eccentricity,
-                0.005,
-                note,
-            ),
-            _equality(
-                chapter, "3.3", f"inner attitude, {where}", "°", attitude, inner_attitude(equilibrium), 0.8, note
-            ),
-        ]
+    # The inner film's factor is set to the eccentricity at 10 N; the other five numbers then follow.
+    kinds = (Kind.CALIBRATED if chapter.calibration else Kind.PREDICTION, Kind.PREDICTION, Kind.PREDICTION)
+    stated = zip(chapter.by_load, (0.12, 0.23, 0.35), (90, 89, 87), kinds, strict=True)
+    for case, eccentricity, attitude, kind in stated:
+        where, ours = f"{case.name}, 1,000 rad/s", case.value("inner eccentricity")
+        found.append(Comparison("3.3", f"inner eccentricity, {where}", "-", eccentricity, ours, 0.005, note, kind=kind))
+        ours = case.value("inner attitude")
+        found.append(Comparison("3.3", f"inner attitude, {where}", "°", attitude, ours, 0.8, note))
     return found
 
 
 def _cavities(chapter: CalibratedChapter) -> list[Comparison]:
-    lubrication = chapter.lubrication
-    ten, twenty, thirty = (lubrication.cavity_free_speed(case.load, case.inlet_pressure) for case in chapter.by_load)
+    ten, twenty, thirty = (
+        chapter.lubrication.cavity_free_speed(case.load, case.inlet_pressure) for case in chapter.by_load
+    )
     quantity = "speed above which the outer film has no cavity, {} N, 1e5 Pa"
-    slow = [outer_rupture(case.at(1000.0)) for case in chapter.by_pressure]
+    slow = [case.value("outer film's rupture") for case in chapter.by_pressure]
     known = [angle for angle in slow if angle is not None]
     spread = max(known) - min(known) if len(known) == len(slow) else None
-    lowest = min(angle for angle in (inner_rupture(case.at(1000.0)) for case in chapter.by_load) if angle is not None)
-    never = sum(equilibrium.inner.is_complete for case in chapter.by_load for equilibrium in case.equilibria)
-    broken = sum(any(not equilibrium.outer.is_complete for equilibrium in case.equilibria) for case in chapter.by_load)
+    inner = [angle for case in chapter.by_load if (angle := case.value("inner film's rupture")) is not None]
+    never = sum(found.inner.is_complete for case in chapter.by_load for found in case.equilibria)
+    broken = sum(any(not found.outer.is_complete for found in case.equilibria) for case in chapter.by_load)
+    rupture = chapter.by_pressure[1].value("outer film's rupture", 3000.0)
+    counted = "counted" if broken == 3 else f"with Table 3.1 the outer film is complete from {thirty:,.0f} rad/s on"
+    same = "stated as the same position; tolerance: reading accuracy of an axis of 360°"
+    complete = "the outer film is complete"
+    axis = f"axis of the figure; {_inner_note(chapter)}"
+    at_most, at_least = Relation.AT_MOST, Relation.AT_LEAST
     return [
-        _equality(
-            chapter,
-            "3.5",
-            "loads with an outer cavity within 1,000-6,000 rad/s",
-            "-",
-            3,
-            broken,
-            0,
-            "counted" if broken == 3 else f"with Table 3.1 the outer film is complete from {thirty:,.0f} rad/s on",
-        ),
-        Comparison("Fig. 3.5", quantity.format(10), "rad/s", 2000, ten, 0, Relation.AT_MOST, chapter.name),
+        Comparison("3.5", "loads with an outer cavity within 1,000-6,000 rad/s", "-", 3, broken, 0, counted),
+        Comparison("3.5", quantity.format(10), "rad/s", 2000, ten, 0, "", at_most, Kind.BOUND),
+        Comparison("3.5", quantity.format(20), "rad/s", 3000, twenty, 0, LOAD_RATIO, at_most, Kind.BOUND),
+        Comparison("3.5", quantity.format(30), "rad/s", 6000, thirty, 0, LOAD_RATIO, at_least, Kind.BOUND),
+        Comparison("3.6", "lowest start of the inner cavity, the axis", "°", 325, min(inner), 1, axis),
+        Comparison("3.6", "inner films without a cavity, 1,000-6,000 rad/s", "-", 0, never, 0, "counted"),
         Comparison(
-            "Fig. 3.5", quantity.format(20), "rad/s", 3000, twenty, 0, Relation.AT_MOST, f"{chapter.name}; {LOAD_RATIO}"
-        ),
-        Comparison(
-            "Fig. 3.5",
-            quantity.format(30),
-            "rad/s",
-            6000,
-            thirty,
-            0,
-            Relation.AT_LEAST,
-            f"{chapter.name}; {LOAD_RATIO}",
-        ),
-        _equality(
-            chapter,
-            "3.6",
-            "lowest start of the inner cavity, the axis",
-            "°",
-            325,
-            lowest,
-            1,
-            f"axis of the figure; {_inner_note(chapter)}",
-        ),
-        _equality(chapter, "3.6", "inner films without a cavity, 1,000-6,000 rad/s", "-", 0, never, 0, "counted"),
-        _equality(
-            chapter,
             "3.7",
             "spread of the outer cavity's start over the inlet pressures, 30 N, 1,000 rad/s",
             "°",
             0,
             spread,
             7,
-            "stated as the same position; tolerance: reading accuracy of an axis of 360°"
-            if spread is not None
-            else "the outer film is complete",
+            complete if spread is None else same,
         ),
-        _equality(
-            chapter,
+        Comparison(
             "3.8",
-            "start of the outer cavity, 3,000 rad/s, 2e5 Pa, load not stated (30 N assumed)",
+            f"start of the outer cavity, {UNSTATED}",
             "°",
             280,
-            outer_rupture(chapter.reference_equilibrium),
+            rupture,
             5,
-            "the outer film is complete"
-            if outer_rupture(chapter.reference_equilibrium) is None
-            else "the load is not stated",
+            complete if rupture is None else "the load is not stated",
         ),
     ]
 
@@ -158,180 +121,80 @@ def _differences(chapter: CalibratedChapter) -> list[Comparison]:
     psi = np.radians(degrees)
     difference = equilibrium.pressure_difference(psi) / 1e5
     zeros = degrees[1:][np.sign(difference[1:]) != np.sign(difference[:-1])]
-    quantity = "zero of the pressure difference nearest to {}°, 3,000 rad/s, 2e5 Pa, load not stated (30 N assumed)"
     note = SIDE_FORCE if zeros.size else "no zero: the outer pressure is higher everywhere"
-    found = [
-        _equality(chapter, "3.9", quantity.format(f"{stated:g}"), "°", stated, _nearest(zeros, stated), 5, note)
-        for stated in (187.0, 343.0)
+    found = []
+    for stated in (187.0, 343.0):
+        quantity = f"zero of the pressure difference nearest to {stated:g}°, {UNSTATED}"
+        nearest = float(zeros[np.argmin(np.abs(zeros - stated))]) if zeros.size else None
+        found.append(Comparison("3.9", quantity, "°", stated, nearest, 5, note))
+    for angle, holes in ((0, 4), (20, 3), (60, 4)):
+        quantity = f"holes fed with the ring at {angle}°, load not stated (30 N assumed)"
+        fed = float(np.sum(equilibrium.hole_flow(np.radians(angle + 60.0 * np.arange(6))) > 0))
+        found.append(Comparison("3.10", quantity, "-", holes, fed, 0, SIDE_FORCE))
+    limits = (
+        ("3.8", "highest pressure", 16, np.max(equilibrium.outer.pressure(psi)) / 1e5, Relation.AT_MOST),
+        ("3.9", "lowest pressure difference", -8, np.min(difference), Relation.AT_LEAST),
+        ("3.9", "highest pressure difference", 4, np.max(difference), Relation.AT_MOST),
+    )
+    found += [
+        Comparison(figure, quantity, "1e5 Pa", limit, float(ours), 0, AXIS, relation, Kind.BOUND)
+        for figure, quantity, limit, ours, relation in limits
     ]
-    fed = [
-        _equality(
-            chapter,
-            "3.10",
-            f"holes fed with the ring at {angle}°, load not stated (30 N assumed)",
-            "-",
-            stated,
-            float(np.sum(equilibrium.hole_flow(np.radians(angle + 60.0 * np.arange(6))) > 0)),
-            0,
-            SIDE_FORCE,
-        )
-        for angle, stated in ((0, 4), (20, 3), (60, 4))
-    ]
-    peak = float(np.max(equilibrium.outer.pressure(psi))) / 1e5
-    axis = "axis of the figure; the load is not stated"
-    return [
-        *found,
-        *fed,
-        Comparison("Fig. 3.8", "highest pressure", "1e5 Pa", 16, peak, 0, Relation.AT_MOST, f"{chapter.name}; {axis}"),
-        Comparison(
-            "Fig. 3.9",
-            "lowest pressure difference",
-            "1e5 Pa",
-            -8,
-            float(np.min(difference)),
-            0,
-            Relation.AT_LEAST,
-            f"{chapter.name}; {axis}",
-        ),
-        Comparison(
-            "Fig. 3.9",
-            "highest pressure difference",
-            "1e5 Pa",
-            4,
-            float(np.max(difference)),
-            0,
-            Relation.AT_MOST,
-            f"{chapter.name}; {axis}",
-        ),
-    ]
+    return found
 
 
 def _flows(chapter: CalibratedChapter) -> list[Comparison]:
     ring = np.arange(0.0, 60.0, 0.25)
     turn = chapter.reference_equilibrium.flow(np.radians(ring))
-    found = [
-        _equality(
-            chapter, "3.11", "ring angle of the highest flow", "°", 15, float(ring[np.argmax(turn)]), 2, ZEROS_MOVE
-        ),
-        _equality(
-            chapter, "3.11", "ring angle of the lowest flow", "°", 40, float(ring[np.argmin(turn)]), 2, ZEROS_MOVE
-        ),
-        _equality(
-            chapter,
-            "3.12",
-            "mean flow, 10 N, 1e5 Pa, 1,000 rad/s (printed as 2.1 kg/s)",
-            "1e-4 kg/s",
-            2.1,
-            mean_flow(chapter.by_load[0].at(1000.0)),
-            0.05,
-            "the flow scale is calibrated to this value: no prediction",
-        ),
-        _equality(
-            chapter,
-            "3.13",
-            "speeds with outward flow, 10 N",
-            "%",
-            0,
-            _outward_percentage(chapter.by_load[0]),
-            0,
-            FLOW_TREND,
-        ),
-        _equality(
-            chapter,
-            "3.13",
-            "first speed with outward flow, 30 N",
-            "rad/s",
-            1500,
-            _first_outward(chapter.by_load[2]),
-            200,
-            FLOW_TREND,
-        ),
-    ]
-    for case, stated in zip(chapter.by_pressure, (6.0, 7.0, 8.0), strict=True):
-        quantity = f"mean flow, {_case_and_speed(case, 1000.0)}"
-        computed = mean_flow(case.at(1000.0))
-        found.append(
-            _equality(
-                chapter,
+    light, _, heavy = (_outward_speeds(case) for case in chapter.by_load)
+    _, middle, high = (_outward_speeds(case) for case in chapter.by_pressure)
+    calibrated = "mean flow, 10 N, 1e5 Pa, 1,000 rad/s (printed as 2.1 kg/s)"
+    scale = "the flow scale is calibrated to this value: no prediction"
+    ours = chapter.by_load[0].value("mean oil flow")
+    outward = (
+        ("3.13", "speeds with outward flow, 10 N", "%", 0, _percentage(light), 0),
+        ("3.13", "first speed with outward flow, 30 N", "rad/s", 1500, _end(heavy, 0), 200),
+    )
+    later = (
+        ("3.15", "first speed with outward flow, 2e5 Pa", "rad/s", 2300, _end(middle, 0), 200),
+        ("3.15", "last speed with outward flow, 2e5 Pa", "rad/s", 4500, _end(middle, -1), 200),
+        ("3.15", "speeds with outward flow, 3e5 Pa", "%", 0, _percentage(high), 0),
+    )
+    ratio = "the magnitude is calibrated, the ratio of the three is not"
+    return [
+        Comparison("3.11", "ring angle of the highest flow", "°", 15, float(ring[np.argmax(turn)]), 2, ZEROS_MOVE),
+        Comparison("3.11", "ring angle of the lowest flow", "°", 40, float(ring[np.argmin(turn)]), 2, ZEROS_MOVE),
+        Comparison("3.12", calibrated, "1e-4 kg/s", 2.1, ours, 0.05, scale, kind=Kind.CALIBRATED),
+        *(Comparison(*one, FLOW_TREND) for one in outward),
+        *(
+            Comparison(
                 "3.15",
-                quantity,
+                f"mean flow, {case.name}, 1,000 rad/s",
                 "1e-4 kg/s",
                 stated,
-                computed,
+                case.value("mean oil flow"),
                 0.5,
-                "the magnitude is calibrated, the ratio of the three is not",
+                ratio,
             )
-        )
-    middle, high = chapter.by_pressure[1:]
-    found += [
-        _equality(
-            chapter,
-            "3.15",
-            "first speed with outward flow, 2e5 Pa",
-            "rad/s",
-            2300,
-            _first_outward(middle),
-            200,
-            FLOW_TREND,
+            for case, stated in zip(chapter.by_pressure, (6.0, 7.0, 8.0), strict=True)
         ),
-        _equality(
-            chapter,
-            "3.15",
-            "last speed with outward flow, 2e5 Pa",
-            "rad/s",
-            4500,
-            _last_outward(middle),
-            200,
-            FLOW_TREND,
-        ),
-        _equality(
-            chapter, "3.15", "speeds with outward flow, 3e5 Pa", "%", 0, _outward_percentage(high), 0, FLOW_TREND
-        ),
+        *(Comparison(*one, FLOW_TREND) for one in later),
     ]
-    return found
 
 
 def _inner_note(chapter: CalibratedChapter) -> str:
-    calibrated = chapter.lubrication.inner_capacity_factor != 1
-    return "one factor gives all six" if calibrated else "with Table 3.1 the inner film carries 13 times more"
-
-
-def _equality(
-    chapter: CalibratedChapter,
-    figure: str,
-    quantity: str,
-    unit: str,
-    stated: float,
-    computed: float | None,
-    tolerance: float,
-    note: str,
-) -> Comparison:
-    return Comparison(f"Fig. {figure}", quantity, unit, stated, computed, tolerance, note=f"{chapter.name}; {note}")
-
-
-def _case_and_speed(case: Case, speed: float) -> str:
-    return f"{case.name}, {speed:,.0f} rad/s"
-
-
-def _nearest(values: FloatArray, stated: float) -> float | None:
-    return None if values.size == 0 else float(values[np.argmin(np.abs(values - stated))])
+    return "one factor gives all six" if chapter.calibration else "with Table 3.1 the inner film carries 13 times more"
 
 
 def _outward_speeds(case: Case) -> FloatArray:
     # speeds at which oil flows out of the inner film, rad/s
-    speeds, flow = case.over_speed(mean_flow)
+    speeds, flow = case.over_speed("mean oil flow")
     return speeds[flow < 0]
 
 
-def _outward_percentage(case: Case) -> float:
-    return 100 * _outward_speeds(case).size / len(case.equilibria)
+def _percentage(speeds: FloatArray) -> float:
+    return 100 * speeds.size / SPEEDS.size
 
 
-def _first_outward(case: Case) -> float | None:
-    outward = _outward_speeds(case)
-    return None if outward.size == 0 else float(outward[0])
-
-
-def _last_outward(case: Case) -> float | None:
-    outward = _outward_speeds(case)
-    return None if outward.size == 0 else float(outward[-1])
+def _end(speeds: FloatArray, index: int) -> float | None:
+    return float(speeds[index]) if speeds.size else None

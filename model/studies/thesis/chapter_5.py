@@ -6,14 +6,13 @@ from typing import Final
 import numpy as np
 
 from analysis.signals.units import MILLIMETRE
-from model.linear.linear_system import whirl_modes
-from model.linear.modes import critical_speeds, free_modes, natural_frequencies
-from model.rotor.gj90c import gj90c, gj90c_rotor
+from model.linear.linear_system import LinearSystem, whirl_modes
+from model.linear.modes import critical_speeds, free_modes
+from model.rotor.gj90c import gj90c
 from model.rotor.parameters import ModelParameters
-from model.rotor.rotor import Rotor
 from model.studies.linear_studies import campbell_study, critical_study, modes_study, supported_system
-from model.studies.study import Plot, Series, Surface
-from model.studies.thesis.report import Comparison
+from model.studies.study import Plot, Series
+from model.studies.thesis.report import Captioned, Comparison
 
 # Speed, rad/s: third, second, first bending, upper, lower rigid mode, Hz; forward, then reverse. As printed.
 TABLE_5_3: Final[dict[int, tuple[tuple[int, ...], tuple[int, ...]]]] = {
@@ -64,14 +63,14 @@ MODES_PER_DIRECTION = 4  # modes of each sense
 
 def chapter_5_comparisons() -> list[Comparison]:
     """Return all numbers stated in chapter 5 with the computed ones."""
-    rotor = gj90c_rotor()
-    bending = free_modes(rotor).frequencies[2:6] / (2 * math.pi)
+    parameters = gj90c()
+    bending = free_modes(parameters.rotor).frequencies[2:6] / (2 * math.pi)
     found = [
         Comparison("Table 5.2", f"bending mode {number} of the free rotor", "Hz", stated, float(ours), 0.5)
         for number, (stated, ours) in enumerate(zip(TABLE_5_2, bending, strict=True), 1)
     ]
     for stiffness, count in CRITICAL_SPEED_COUNTS.items():
-        critical = critical_speeds(rotor, stiffness, MAX_SPEED)
+        critical = critical_speeds(supported_system(parameters, stiffness), MAX_SPEED)
         where = ", ".join(f"{speed:,.1f}" for speed in sorted((*critical.forward, *critical.reverse)))
         ours = len(critical.forward) + len(critical.reverse)
         found.append(
@@ -85,14 +84,15 @@ def chapter_5_comparisons() -> list[Comparison]:
                 note=f"{len(critical.forward)} forward, {len(critical.reverse)} reverse: {where} rad/s",
             )
         )
+    system = supported_system(parameters, STIFFNESS)
     for speed, (forward, reverse) in TABLE_5_3.items():
-        found += _row(rotor, speed, forward, reverse)
+        found += _row(system, speed, forward, reverse)
     return found
 
 
-def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int, ...]) -> list[Comparison]:
+def _row(system: LinearSystem, speed: int, forward: tuple[int, ...], reverse: tuple[int, ...]) -> list[Comparison]:
     """Return a row of Table 5.3, sorted: its columns track the rigid modes through their veering."""
-    frequencies = natural_frequencies(rotor, STIFFNESS, speed) / (2 * math.pi)
+    frequencies = np.sort(whirl_modes(system, [speed])[0].frequencies) / (2 * math.pi)
     middle = frequencies.size // 2
     ours = (*frequencies[middle : middle + 5][::-1], *frequencies[middle - 5 : middle])
     printed = (*sorted(forward, reverse=True), *sorted(reverse))
@@ -104,7 +104,7 @@ def _row(rotor: Rotor, speed: int, forward: tuple[int, ...], reverse: tuple[int,
     ]
 
 
-def chapter_5_figures() -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+def chapter_5_figures() -> list[Captioned]:
     """Return the figures of chapter 5 with captions."""
     parameters, speeds = gj90c(), np.linspace(0.0, MAX_SPEED, 161)
     shapes = modes_study(parameters, None, 0.0, 14).plots

@@ -18,9 +18,8 @@ from model.rotor.parameters import ModelParameters
 from model.studies.motion import DEFAULT_PERTURBATION, MIN_AMPLITUDE
 from model.studies.onset import Stability, stability
 from model.studies.run_up import RunUp, bifurcation_plot, run_up, waterfall_surface
-from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_6_spectra import Component, Spectrum
-from model.studies.thesis.report import Comparison
+from model.studies.thesis.report import Captioned, Comparison, Trend, Verdict
 
 INNER, OUTER = FilmName.INNER, FilmName.OUTER
 
@@ -86,6 +85,11 @@ class Case:
     inner_end: float = math.nan
     imbalance_fraction: float = IMBALANCE_FRACTION
     spectra: tuple[Spectrum, ...] = ()
+
+    @property
+    def reading(self) -> str:
+        """Departure from the printed data; empty for none."""
+        return "" if self.imbalance_fraction == 1 else f"{self.imbalance_fraction:g} of the imbalance"
 
     def parameters(self) -> ModelParameters:
         """Return the model parameters of the case, with the reduced imbalance."""
@@ -215,6 +219,7 @@ def _edge(case: Case, one: CaseResult, film: FilmName, stated: float, *, is_end:
         speed if math.isfinite(speed) else None,
         ONSET_TOLERANCE,
         note=f"{why}; {_bands(one.stability, film)}",
+        calibration=case.reading,
     )
 
 
@@ -230,6 +235,7 @@ def _order(spectrum: Spectrum, case: Case, run: RunUp) -> Comparison:
         order if size > MIN_AMPLITUDE else None,
         ORDER_TOLERANCE,
         note=HALF_SPEED[film] if size > MIN_AMPLITUDE else f"no whirl of the {film} film there",
+        calibration=case.reading,
     )
 
 
@@ -265,25 +271,6 @@ def _at(speed: float) -> str:
     return f"{speed:,.0f} rad/s" if math.isfinite(speed) else "none"
 
 
-@dataclass(frozen=True, slots=True)
-class Trend:
-    """A trend stated in chapter 6.
-
-    Parameters
-    ----------
-    text : str
-        Text of the trend.
-    is_reproduced : bool
-        Whether the run-ups reproduce it.
-    computed : str
-        Computed values.
-    """
-
-    text: str
-    is_reproduced: bool
-    computed: str
-
-
 def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
     """Return the trends stated in chapter 6, evaluated with the run-ups of `CASES`."""
     runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
@@ -296,11 +283,14 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
     load = (base, "static load 2 N", "static load 5 N")
 
     def trend(text: str, names: tuple[str, ...], film: FilmName, sign: int) -> Trend:
-        onsets = [by_name[name].onset(film) for name in names]
+        found_runs = [by_name[name] for name in names]
+        onsets = [run.onset(film) for run in found_runs]
         sizes = [one if math.isfinite(one) else math.inf for one in onsets]  # no whirl: counts as the latest onset
         steps = [(later > earlier) - (later < earlier) for earlier, later in itertools.pairwise(sizes)]
         computed = " → ".join(f"{one:,.0f} rad/s" if math.isfinite(one) else "none" for one in onsets)
-        return Trend(text, all(step == sign for step in steps), computed)
+        growing = any(run.is_growing[run.speeds < size].any() for run, size in zip(found_runs, sizes, strict=True))
+        verdict = Verdict.UNDECIDED if growing else _verdict(all(step == sign for step in steps))
+        return Trend(text, verdict, computed)
 
     both = [(one.onset(INNER), one.onset(OUTER)) for case, one in runs if case.imbalance_fraction < 1]
     ordered = sum(inner < outer for inner, outer in both)
@@ -311,12 +301,14 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
     return [
         trend("more imbalance delays the inner film's whirl", imbalance, INNER, 1),
         trend("more imbalance lowers the outer film's onset", imbalance, OUTER, -1),
-        Trend("the outer film follows the inner one", ordered == len(both), f"in {ordered} of {len(both)} cases"),
+        Trend(
+            "the outer film follows the inner one", _verdict(ordered == len(both)), f"in {ordered} of {len(both)} cases"
+        ),
         trend("thicker oil raises the inner film's onset", viscosity, INNER, 1),
         trend("thicker oil raises the outer film's onset", viscosity, OUTER, 1),
         Trend(
             "thicker oil inhibits amplitudes",
-            all(later < earlier for earlier, later in itertools.pairwise(largest)),
+            _verdict(all(later < earlier for earlier, later in itertools.pairwise(largest))),
             " → ".join(f"{one:,.0f} µm peak-to-peak" for one in largest),
         ),
         trend("a larger inner clearance delays the inner film", inner_gap, INNER, 1),
@@ -325,14 +317,18 @@ def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
         trend("a larger outer clearance lowers the outer film's onset", outer_gap, OUTER, -1),
         trend("static load lowers the inner film's onset", load, INNER, -1),
         trend("static load lowers the outer film's onset", load, OUTER, -1),
-        Trend("amplitude rises with the outer film's whirl", grows, f"to {float(np.nanmax(overall)):,.0f} µm pp"),
+        Trend("amplitude rises with the outer film's whirl", _verdict(grows), f"to {np.nanmax(overall):,.0f} µm pp"),
         *(Trend(spectrum.text, *spectrum.evaluate(run)) for case, run in runs for spectrum in case.spectra),
     ]
 
 
-def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[tuple[str, tuple[Plot | Surface, ...]]]:
+def _verdict(is_reproduced: bool) -> Verdict:  # noqa: FBT001 - the only argument
+    return Verdict.REPRODUCED if is_reproduced else Verdict.DIFFERENT
+
+
+def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[Captioned]:
     """Return waterfall, bifurcation diagram, spectra and trajectories of each case, with captions."""
-    figures: list[tuple[str, tuple[Plot | Surface, ...]]] = []
+    figures: list[Captioned] = []
     for case, one in zip(CASES, found, strict=True):
         at = f"{case.name} (computed at {case.imbalance_fraction:g} of the printed imbalance)"
         waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")

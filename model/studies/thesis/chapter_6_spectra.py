@@ -11,6 +11,7 @@ from model.dynamics.stability import FilmName
 from model.studies.motion import MIN_AMPLITUDE
 from model.studies.run_up import VISIBLE_RATIO, RunUp
 from model.studies.study import Plot, Series, Style
+from model.studies.thesis.report import Verdict
 
 
 class Component(Enum):
@@ -56,16 +57,22 @@ class Spectrum:
         seen = " and ".join(one.value for one in self.stated) or "1X alone"
         return f"{self.figure}, {self.speed:,.0f} rad/s: {seen}"
 
-    def evaluate(self, found: RunUp) -> tuple[bool, str]:
-        """Return whether a run-up shows exactly the stated components, and the computed components as text."""
+    def evaluate(self, found: RunUp) -> tuple[Verdict, str]:
+        """Return whether a run-up shows exactly the stated components, and the computed components as text.
+
+        Undecided if the motion without whirl is unstable and the run-up too short for the whirl to show.
+        """
         row = self._row(found)
         # The thesis draws linear scales: next to a whirl of 130 µm its combinations of 3 µm are invisible.
         threshold = max(VISIBLE_RATIO * float(found.spectrum[row].max()), MIN_AMPLITUDE)
         sizes = {one: self.size(found, one) for one in Component}
         visible = {one: size > threshold for one, (_, size) in sizes.items()}
         parts = [f"{order:.2f}X {size / MICROMETRE:.3g} µm" for one, (order, size) in sizes.items() if visible[one]]
-        reference_equilibrium = ", ".join([f"1X {found.first_order[row] / MICROMETRE:.3g} µm", *parts])
-        return all(visible[one] == (one in self.stated) for one in Component), reference_equilibrium
+        computed = ", ".join([f"1X {found.first_order[row] / MICROMETRE:.3g} µm", *parts])
+        if found.is_growing[row]:
+            return Verdict.UNDECIDED, f"{computed}; unstable, growth too slow to show in the turns integrated"
+        agrees = all(visible[one] == (one in self.stated) for one in Component)
+        return Verdict.REPRODUCED if agrees else Verdict.DIFFERENT, computed
 
     def size(self, found: RunUp, component: Component) -> tuple[float, float]:
         """Return order and amplitude, m peak, of a component in a run-up."""

@@ -15,7 +15,6 @@ from model.films.long_film import (
     complete_film,
     ruptured_film,
     sommerfeld_angle,
-    sommerfeld_integrals,
 )
 
 FloatArray = NDArray[np.float64]
@@ -53,16 +52,6 @@ def test_bearing_angle_inverts_sommerfeld_angle_in_every_revolution() -> None:
     phi = sommerfeld_angle(theta, 0.6)
     assert (1 + 0.6 * np.cos(theta)) * (1 - 0.6 * np.cos(phi)) == pytest.approx(np.full(201, 1 - 0.36), rel=1e-13)
     assert bearing_angle(phi, 0.6) == pytest.approx(theta, abs=1e-13)
-
-
-def test_sommerfeld_integrals_equal_quadrature() -> None:
-    for eccentricity, share in random_cases(100):
-        theta = 4 * share
-        cosine, one = sommerfeld_integrals(sommerfeld_angle(theta, eccentricity), eccentricity)
-        expected_one = quadrature(inverse_cube(eccentricity), 0, theta)
-        expected_cosine = quadrature(weighted(inverse_cube(eccentricity), np.cos), 0, theta)
-        assert float(cosine) == pytest.approx(expected_cosine, rel=1e-9, abs=1e-9 * expected_one)
-        assert float(one) == pytest.approx(expected_one, rel=1e-9)
 
 
 def test_pressure_equals_quadrature_of_its_gradient_in_200_random_films() -> None:

@@ -11,13 +11,11 @@ from model.films.film import Film
 from model.films.film_kernels import FORCE_LAWS, capone_force, film_force
 from model.films.short_film import (
     CaponeForm,
-    LoadedHalf,
     capone_forces,
     force_components,
-    half_film_force,
-    short_film_pressure,
 )
 from model.rotor.parameters import FilmModel
+from tests.model.films.half_film import LoadedHalf, half_film_force, short_film_pressure
 
 ComplexArray = NDArray[np.complex128]
 FILM = Film(radius=5e-3, length=10e-3, clearance=20e-6, viscosity=0.015)
@@ -193,13 +191,6 @@ def test_fixed_half_film_equals_quadrature_over_its_half() -> None:
         )
 
 
-@pytest.mark.parametrize("half", list(LoadedHalf))
-@pytest.mark.parametrize("eccentricity", [1.0, 1.5, -0.1, math.nan])
-def test_half_film_refuses_an_eccentricity_at_the_wall(half: LoadedHalf, eccentricity: float) -> None:
-    with pytest.raises(ValueError, match=r"eccentricity: .* of the clearance, expected 0 or more and below 1"):
-        half_film_force(eccentricity, 0.0, 0.0, SPEED, half)
-
-
 def test_capone_forces_name_the_state_at_the_wall() -> None:
     with pytest.raises(ValueError, match=r"eccentricity: 1\.2 of the clearance"):
         capone_forces([0.1, 1.2j], 0j, SPEED)
@@ -211,12 +202,5 @@ def test_forces_refuse_velocity_or_speed_that_is_not_finite(form: CaponeForm) ->
         capone_forces(0.5, [0j, complex(math.nan, 0)], SPEED, form)
     with pytest.raises(ValueError, match="surface_speed: inf rad/s"):
         capone_forces(0.5, 0j, math.inf, form)
-    with pytest.raises(ValueError, match="eccentricity_rate: nan 1/s"):
-        half_film_force(0.5, math.nan, 0.0, SPEED, LoadedHalf.MOVING)
     with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
         FILM.force(0j, complex(0, math.inf), SPEED, form)
-
-
-def test_pressure_refuses_a_position_at_the_wall() -> None:
-    with pytest.raises(ValueError, match=r"eccentricity: 1 of the clearance"):
-        short_film_pressure(1 + 0j, 0j, SPEED, 0.0, 0.0)

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from model.linear.modes import free_modes, natural_frequencies, supported_stiffness
+from model.linear.modes import free_modes
 from model.rotor.gj90c import gj90c_rotor
+from tests.model.linear.springs import natural_frequencies, supported_stiffness
 
 
 def test_free_modes_are_orthonormal_in_mass_and_diagonal_in_stiffness() -> None:
@@ -36,8 +37,3 @@ def test_frequencies_of_the_rotating_rotor_fulfil_the_characteristic_equation() 
 def test_invalid_number_of_modes_is_refused(count: int) -> None:
     with pytest.raises(ValueError, match=f"count: {count} modes, expected 2 to 12"):
         free_modes(gj90c_rotor(), count)
-
-
-def test_support_without_stiffness_is_refused() -> None:
-    with pytest.raises(ValueError, match="bearing_stiffness: 0 N/m"):
-        natural_frequencies(gj90c_rotor(), 0.0, 100.0)

@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from daq.cli.model.thesis import captioned_plot
 from daq.reports.plots.layouts import study_panels
 from daq.reports.plots.panel import PlotStyle
 from daq.reports.plots.render import draw, render
-from model.studies.study import Plot, Series
-from model.studies.thesis.report import Curve, Figure
+from model.studies.study import Plot, Series, Style
 
 X = np.linspace(0.0, 1.0, 50)
 
@@ -33,14 +31,15 @@ def test_axis_labels_are_complete() -> None:
 
 def test_plot_without_lines_says_why() -> None:
     nothing = np.array([])
-    _, (plot,) = captioned_plot(Figure("3.5", "rupture", "x", "y", (Curve("10 N", nothing, nothing),), "no cavity"))
+    plot = Plot("rupture", "x", "y", (Series("10 N", nothing, nothing),), empty_text="no cavity")
     (axes,) = draw(study_panels([plot]), PlotStyle()).axes
     assert [text.get_text() for text in axes.texts] == ["no cavity"]
     assert axes.get_xticks().size == 0
 
 
 def test_equal_curves_are_distinguishable() -> None:
-    _, (plot,) = captioned_plot(Figure("3.4", "equal", "x", "y", tuple(Curve(name, X, X) for name in "abc")))
+    styles = (Style.LINE, Style.DASHED, Style.DOTTED)
+    plot = Plot("equal", "x", "y", tuple(Series(style.value, X, X, style) for style in styles))
     (axes,) = draw(study_panels([plot]), PlotStyle()).axes
     assert len({str(line.get_linestyle()) + str(line.get_linewidth()) for line in axes.lines}) == 3
 
