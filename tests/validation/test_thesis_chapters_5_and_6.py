@@ -9,8 +9,8 @@ import pytest
 from analysis.signals.units import MICROMETRE
 from daq.cli.model.thesis import Part, report_html
 from model.dynamics.stability import FilmName
-from model.studies.onset import stability
 from model.studies.motion import MAX_GROWTH_TURNS
+from model.studies.onset import stability
 from model.studies.run_up import Perturbation, RunUp, run_up
 from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
