@@ -99,5 +99,5 @@ def test_headline_counts_35_statements_once_with_bounds_and_calibrated_values_ap
     assert len(calibrated) == 2  # the flow that sets the scale, and the eccentricity that sets the inner film's factor
     predictions, bounds, others = headline(comparisons).split("; ")
     assert predictions == "7 of 28 predictions reproduced and 8 more with factors on the printed data"
-    assert bounds == "YY"
+    assert bounds == "5 of 6 bounds reproduced and 1 more with factors on the printed data"
     assert others == "2 stated values set a factor and show nothing"
