@@ -10,7 +10,14 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from daq.reports.errors import (
+    ArrowUnavailableError,
+    DataNotFoundError,
+    InsufficientDataError,
+    RequestTooLargeError,
+)
 from daq.service.problem_types import Fault, ProblemSchema, ProblemType
+from daq.session.processes import WorkerStoppedError, WorkerTimeoutError
 from recordings.errors import (
     AnnotationError,
     DamagedError,
@@ -155,18 +162,24 @@ async def _handle_problem(request: Request, error: ProblemError) -> Response:
     return problem_response(error.problem_type, error.detail, request.url.path, job=error.job, headers=error.headers)
 
 
-RECORDING_PROBLEMS: Final = (
-    (NotFoundError, ProblemType.RUN_NOT_FOUND),
-    (DamagedError, ProblemType.RUN_DAMAGED),
-    (UnknownFormatError, ProblemType.RUN_FORMAT_UNKNOWN),
-    (AnnotationError, ProblemType.INVALID_PARAMETER),
-    (StorageError, ProblemType.STORAGE_UNAVAILABLE),
-    (RecordingError, ProblemType.INTERNAL_ERROR),
-)
+PROBLEMS_BY_ERROR: Final[dict[type[Exception], ProblemType]] = {
+    NotFoundError: ProblemType.RUN_NOT_FOUND,
+    DamagedError: ProblemType.RUN_DAMAGED,
+    UnknownFormatError: ProblemType.RUN_FORMAT_UNKNOWN,
+    AnnotationError: ProblemType.INVALID_PARAMETER,
+    StorageError: ProblemType.STORAGE_UNAVAILABLE,
+    RecordingError: ProblemType.INTERNAL_ERROR,
+    DataNotFoundError: ProblemType.NO_DATA,
+    InsufficientDataError: ProblemType.INSUFFICIENT_DATA,
+    RequestTooLargeError: ProblemType.RESPONSE_TOO_LARGE,
+    ArrowUnavailableError: ProblemType.NOT_ACCEPTABLE,
+    WorkerTimeoutError: ProblemType.TIME_LIMIT_EXCEEDED,
+    WorkerStoppedError: ProblemType.BUSY,
+}
 
 
-async def _handle_recording_error(request: Request, error: RecordingError) -> Response:
-    problem_type = next(each for error_type, each in RECORDING_PROBLEMS if isinstance(error, error_type))
+async def _handle_known_error(request: Request, error: Exception) -> Response:
+    problem_type = next(PROBLEMS_BY_ERROR[each] for each in type(error).__mro__ if each in PROBLEMS_BY_ERROR)
     if problem_type is ProblemType.INTERNAL_ERROR:
         logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
     return problem_response(problem_type, str(error), request.url.path)
@@ -219,7 +232,7 @@ def _allowed_methods(request: Request) -> list[str]:
 
 EXCEPTION_HANDLERS: Final[dict[int | type[Exception], Any]] = {
     ProblemError: _handle_problem,
-    RecordingError: _handle_recording_error,
+    **dict.fromkeys(PROBLEMS_BY_ERROR, _handle_known_error),
     RequestValidationError: _handle_validation_error,
     HTTPException: _handle_http_exception,
 }

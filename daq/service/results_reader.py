@@ -11,12 +11,6 @@ import numpy as np
 from analysis.live.summary import RunSummary
 from analysis.signals.units import RPM
 from daq.errors import ConfigError
-from daq.reports.errors import (
-    ArrowUnavailableError,
-    DataNotFoundError,
-    InsufficientDataError,
-    RequestTooLargeError,
-)
 from daq.reports.export import analysis_body, encode_samples
 from daq.reports.parameters import AnalysisQuery, QueryParameters, SampleFormat, SamplesQuery, TrendQuery
 from daq.reports.recorded_results import findings_schema, trend_schema
@@ -29,7 +23,7 @@ from daq.service.problem_types import ProblemType
 from daq.service.problems import JobHint, ProblemError
 from daq.service.uploads import ColumnsSchema, columns_schema
 from daq.session.predictor import Predictors
-from daq.session.processes import WorkerPool, WorkerStoppedError, WorkerTimeoutError
+from daq.session.processes import WorkerPool, WorkerTimeoutError
 from model.errors import ModelError
 from model.prediction.prediction_map import Prediction
 from recordings.catalogue.catalogue import RunEntry
@@ -41,32 +35,15 @@ ResultT = TypeVar("ResultT")
 TIME_LIMIT = 30.0  # s for one result
 NICENESS = 15  # increase, of the worker processes: below the acquisition and the live view
 MAX_SPEED_DIFFERENCE = 300.0 * RPM  # rad/s, between the requested speed and a measured bin
-
-
-PROBLEMS_BY_ERROR: dict[type[Exception], ProblemType] = {
-    DataNotFoundError: ProblemType.NO_DATA,
-    RequestTooLargeError: ProblemType.RESPONSE_TOO_LARGE,
-    ArrowUnavailableError: ProblemType.NOT_ACCEPTABLE,
-    WorkerStoppedError: ProblemType.BUSY,
-    WorkerTimeoutError: ProblemType.TIME_LIMIT_EXCEEDED,
-    InsufficientDataError: ProblemType.INSUFFICIENT_DATA,
-}
 VERIFICATION_TIME_LIMIT = 3600.0  # s for the check of an uploaded recording
-
-
 RESPONSE_CACHE_SIZE = 128
 GZIP_LEVEL = 4  # higher levels take more time and save almost nothing
 ANALYSIS_PREFIX = "analyses/"
 
 
-def result_schema(name: str, query: QueryParameters, history: RunHistory) -> Schema:
-    """Return a result that is no analysis, by its path below that of the run."""
-    match query:
-        case TrendQuery():
-            return trend_schema(history, query)
-        case _ if name == "findings":
-            return findings_schema(history)
-    raise ValueError(f"name: {name!r}, expected trend or findings")
+def result_schema(query: QueryParameters, history: RunHistory) -> Schema:
+    """Return the trend for its query; for another query the findings, which take no parameters."""
+    return trend_schema(history, query) if isinstance(query, TrendQuery) else findings_schema(history)
 
 
 def result_body(path: Path, name: str, query: QueryParameters, gzipped: bool) -> bytes:  # noqa: FBT001 - sent through a pipe
@@ -87,7 +64,7 @@ def _cached_body(
     if isinstance(query, AnalysisQuery):
         body = analysis_body(path, name.removeprefix(ANALYSIS_PREFIX), query)
     else:
-        body = result_schema(name, query, load_history(path)).model_dump_json().encode()
+        body = result_schema(query, load_history(path)).model_dump_json().encode()
     return gzip.compress(body, GZIP_LEVEL, mtime=0) if gzipped else body
 
 
@@ -197,10 +174,11 @@ class ResultsReader:
     ) -> ResultT:
         try:
             return self._pool.run(function, *arguments, time_limit=time_limit)
-        except tuple(PROBLEMS_BY_ERROR) as error:
-            is_timeout = isinstance(error, WorkerTimeoutError)
-            detail = f"{error}; POST `job` to /api/v1/jobs" if is_timeout and job else str(error)
-            raise ProblemError(PROBLEMS_BY_ERROR[type(error)], detail, job=job if is_timeout else None) from error
+        except WorkerTimeoutError as error:
+            if job is None:
+                raise
+            detail = f"{error}; POST `job` to /api/v1/jobs"
+            raise ProblemError(ProblemType.TIME_LIMIT_EXCEEDED, detail, job=job) from error
 
     def close(self) -> None:
         """Stop the worker processes."""

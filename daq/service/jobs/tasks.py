@@ -198,8 +198,7 @@ def result_job(report: ProgressCallback, _target: Path, catalogue: Catalogue, re
     path = catalogue.path(request.run)
     history = read_history(path, partial(report, "reading"))
     report("putting together", None)
-    query = result_query(request)
-    return result_schema(request.path, query, history)
+    return result_schema(result_query(request), history)
 
 
 def analysis_job(report: ProgressCallback, target: Path, catalogue: Catalogue, request: ResultRequest) -> bytes:

@@ -80,11 +80,11 @@ class RunQuery(OverallRangeQuery, QueryParameters):
     ] = ""
     since: Annotated[
         Timestamp | None,
-        Field(description="TriggerStart at or after, UTC unless it names its zone", examples=["2026-11-24T09:00:00Z"]),
+        Field(description="Started at or after, UTC unless it names its zone", examples=["2026-11-24T09:00:00Z"]),
     ] = None
     before: Annotated[
         Timestamp | None,
-        Field(description="TriggerStart before, UTC unless it names its zone", examples=["2026-11-25T09:00:00Z"]),
+        Field(description="Started before, UTC unless it names its zone", examples=["2026-11-25T09:00:00Z"]),
     ] = None
     speed_from_rpm: Annotated[
         Speed | None, Field(description="Only runs that reached a speed at or above this, r/min", examples=[9000.0])
