@@ -34,9 +34,9 @@ from daq.drivers.replay import ReplaySource
 from daq.errors import ServiceError, UsageError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema, alarm_schema, marker_schema
-from daq.service.access import is_loopback
 from daq.service.app import create_app
 from daq.service.jobs.queue import JobQueue
+from daq.service.middleware import is_loopback
 from daq.service.results_reader import ResultsReader
 from daq.service.server import ServiceServer
 from daq.service.state import ServiceState

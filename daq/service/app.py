@@ -11,10 +11,21 @@ from fastapi.staticfiles import StaticFiles
 
 from daq.errors import ServiceError
 from daq.service import pages
-from daq.service.access import AccessControlMiddleware, SecurityHeadersMiddleware, is_loopback
-from daq.service.http_semantics import API_PREFIX, HeadAsGetMiddleware
-from daq.service.problem_types import ProblemSchema, ProblemType
-from daq.service.problems import EXCEPTION_HANDLERS, PROBLEM_SCHEMA_REFERENCE, UnhandledErrorMiddleware, problems
+from daq.service.http_semantics import API_PREFIX
+from daq.service.middleware import (
+    AccessControlMiddleware,
+    HeadAsGetMiddleware,
+    SecurityHeadersMiddleware,
+    UnhandledErrorMiddleware,
+    is_loopback,
+)
+from daq.service.problems import (
+    EXCEPTION_HANDLERS,
+    PROBLEM_SCHEMA_REFERENCE,
+    ProblemSchema,
+    ProblemType,
+    problems,
+)
 from daq.service.routes import jobs, live, results, runs, uploads
 from daq.service.state import ServiceState
 

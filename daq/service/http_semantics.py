@@ -15,11 +15,9 @@ from anyio import fail_after
 from fastapi import Header, HTTPException, Request, Response
 from fastapi.responses import FileResponse
 from fastapi.routing import APIRoute
-from starlette.types import ASGIApp, Receive, Scope, Send
 
 from daq.schemas.units import Schema
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, ProblemType
 from recordings.catalogue.catalogue import RunEntry
 from recordings.errors import DamagedError
 
@@ -149,24 +147,6 @@ def _has_range(request: Request, size: int, etag: str) -> bool:
         headers = {"Content-Range": f"bytes */{size}"}
         raise ProblemError(ProblemType.RANGE_NOT_SATISFIABLE, f"{header}: the file has {size} bytes", headers=headers)
     return True
-
-
-class HeadAsGetMiddleware:
-    """Middleware that routes HEAD as GET, which FastAPI does not; the server leaves out the content.
-
-    Parameters
-    ----------
-    app : ASGI application
-        The wrapped application.
-    """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass the request on, HEAD as GET with `rig.head` set in the scope."""
-        is_head = scope["type"] == "http" and scope["method"] == "HEAD"
-        await self._app({**scope, "method": "GET", "rig.head": True} if is_head else scope, receive, send)
 
 
 API_PREFIX: Final = "/api/v1"

@@ -15,7 +15,7 @@ from fastapi.responses import HTMLResponse
 from fastapi.templating import Jinja2Templates
 from markupsafe import Markup, escape
 
-from daq.service.problem_types import ProblemType
+from daq.service.problems import ProblemType
 
 CONSOLE: Final = str(files("daq.console"))
 CONTENT_POLICY: Final = (

@@ -19,8 +19,7 @@ from daq.schemas.live import predicted_vibration_schema
 from daq.schemas.results import ComparisonSchema, PredictionSchema
 from daq.schemas.summary import speed_row_schema
 from daq.schemas.units import Schema, degrees, finite, rpm
-from daq.service.problem_types import ProblemType
-from daq.service.problems import JobHint, ProblemError
+from daq.service.problems import JobHint, ProblemError, ProblemType
 from daq.service.uploads import ColumnsSchema, columns_schema
 from daq.session.predictor import Predictors
 from daq.session.processes import WorkerPool, WorkerTimeoutError

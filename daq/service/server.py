@@ -14,8 +14,7 @@ from starlette.types import ASGIApp
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from daq.errors import ServiceError
-from daq.service.problem_types import ProblemType
-from daq.service.problems import problem_response
+from daq.service.problems import ProblemType, problem_response
 
 if sys.platform != "win32":
     import resource

@@ -17,8 +17,7 @@ from daq.schemas.live import live_schema
 from daq.schemas.snapshot import live_curves_schema
 from daq.schemas.units import Schema
 from daq.service.jobs.queue import JobQueue
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, ProblemType
 from daq.service.results_reader import ResultsReader
 from daq.service.uploads import MAX_UPLOAD_SIZE, UploadReceiver, UploadStore
 from daq.session.live_update import LiveUpdate

@@ -19,8 +19,7 @@ from fastapi import Request
 from pydantic import Field
 
 from daq.schemas.units import Schema, utc_time
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, ProblemType
 from recordings.catalogue.incoming_run import IncomingRun
 from recordings.errors import RunExistsError
 from recordings.exchange.formats import IMPORT_FORMATS

@@ -17,8 +17,7 @@ from analysis.signals.errors import AnalysisError
 from daq.errors import RigError
 from daq.schemas.units import Schema
 from daq.service.jobs.schemas import JOBS, JobRequest, JobSchema, JobState
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, ProblemType
 from daq.service.uploads import delete_abandoned
 from daq.session.processes import WorkerProcess
 from model.errors import ModelError

@@ -56,8 +56,7 @@ from daq.service.jobs.schemas import (
     RunJobRequest,
     VerificationRequest,
 )
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError
+from daq.service.problems import ProblemError, ProblemType
 from daq.service.results_reader import ANALYSIS_PREFIX, result_schema
 from daq.service.uploads import UploadSchema
 from daq.session.import_run import IMPORTED_BACKEND, ForeignFile, require_mapping_fits, write_imported_run

@@ -32,8 +32,7 @@ from daq.service.jobs.schemas import (
     RigFromRun,
 )
 from daq.service.jobs.tasks import header_of, import_task, index_task, rig_from_toml, rig_of_run, run_task, study_task
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problems
+from daq.service.problems import ProblemError, ProblemType, problems
 from daq.service.routes.results import ANALYSIS_CONTENT, JSON, MEDIA_TYPES
 from daq.service.state import ServiceState, State, ended_run
 

@@ -17,8 +17,7 @@ from daq.schemas.runs import RunId
 from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
 from daq.schemas.units import Schema
 from daq.service.http_semantics import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problem_response, problems
+from daq.service.problems import ProblemError, ProblemType, problem_response, problems
 from daq.service.state import LiveStream, ServiceState, State
 from daq.session.live_update import LiveUpdate, RunState
 from recordings.errors import RecordingError

@@ -26,8 +26,7 @@ from daq.service.http_semantics import (
     require_modified,
     weak_etag,
 )
-from daq.service.problem_types import RUN_READ_PROBLEMS, ProblemType
-from daq.service.problems import ProblemError, problems
+from daq.service.problems import RUN_READ_PROBLEMS, ProblemError, ProblemType, problems
 from daq.service.results_reader import ANALYSIS_PREFIX
 from daq.service.state import EndedRun, ServiceState, State
 from recordings.catalogue.catalogue import RunEntry

@@ -25,8 +25,7 @@ from daq.service.http_semantics import (
     require_modified,
     strong_etag,
 )
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problems
+from daq.service.problems import ProblemError, ProblemType, problems
 from daq.service.routes.run_schemas import (
     AnnotationRequest,
     RestoreRequest,

@@ -6,8 +6,7 @@ from fastapi import APIRouter, Path, Query, Request, Response
 
 from daq.reports.parameters import QueryParameters
 from daq.service.http_semantics import API_PREFIX, BINARY, OCTET_STREAM
-from daq.service.problem_types import ProblemType
-from daq.service.problems import ProblemError, problems
+from daq.service.problems import ProblemError, ProblemType, problems
 from daq.service.state import State
 from daq.service.uploads import MAX_NAME_LENGTH, ColumnsSchema, UploadListSchema, UploadSchema
 

@@ -10,7 +10,7 @@ import pytest
 
 from daq.reports.registry import KINDS
 from daq.service.pages import CONSOLE, origin
-from daq.service.problem_types import ProblemType
+from daq.service.problems import ProblemType
 from tests.daq.support.service_bench import Bench, open_bench
 
 ASSETS = sorted(f"console/{file.name}" for file in Path(CONSOLE).iterdir() if file.suffix in {".js", ".css", ".svg"})

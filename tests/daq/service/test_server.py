@@ -13,8 +13,8 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
-from daq.service.problem_types import ProblemSchema
-from daq.service.problems import UnhandledErrorMiddleware
+from daq.service.middleware import UnhandledErrorMiddleware
+from daq.service.problems import ProblemSchema
 from daq.service.server import LimitedHttpProtocol, ServiceServer
 
 

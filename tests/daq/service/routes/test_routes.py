@@ -16,7 +16,7 @@ from daq.schemas.live import LiveSchema
 from daq.schemas.runs import RunSchema
 from daq.schemas.snapshot import LiveCurvesSchema
 from daq.schemas.summary import SummarySchema
-from daq.service.problem_types import ProblemSchema
+from daq.service.problems import ProblemSchema
 from daq.session.live_update import RunState
 from recordings.errors import DamagedError, RecordingError, StorageError, UnknownFormatError
 from tests.daq.support.live_updates import make_live_updates

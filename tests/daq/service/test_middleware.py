@@ -1,4 +1,4 @@
-"""Access control: host names, bearer token, and security headers."""
+"""Middleware: host names, bearer token, other sites, and security headers."""
 
 import http.client
 from collections.abc import Iterator
@@ -10,9 +10,9 @@ import pytest
 from daq.errors import ServiceError
 from daq.reports.run_summaries import Summaries
 from daq.schemas.summary import SummarySchema
-from daq.service.access import PUBLIC_PAGES, host_without_port, is_loopback
 from daq.service.app import create_app
-from daq.service.problem_types import ProblemSchema
+from daq.service.middleware import PUBLIC_PAGES, host_without_port, is_loopback
+from daq.service.problems import ProblemSchema
 from daq.service.server import ServiceServer
 from daq.session.predictor import Predictors
 from recordings.catalogue.catalogue import Catalogue

@@ -1,16 +1,23 @@
-"""Access control: loopback host check, bearer token elsewhere, cross-site requests; security headers of responses."""
+"""Middleware: access control (host names, token, other sites), security headers, HEAD, and unhandled errors."""
 
 import hmac
+import logging
 from ipaddress import ip_address
 from typing import Final
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problem_types import ProblemType
-from daq.service.problems import problem_response
+from daq.service.problems import ProblemType, problem_response
 
-API_CONTENT_POLICY: Final = "default-src 'none'; frame-ancestors 'none'"
+logger = logging.getLogger(__name__)
+
+SECURITY_HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
 
 
 class SecurityHeadersMiddleware:
@@ -33,11 +40,9 @@ class SecurityHeadersMiddleware:
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                headers.setdefault("Content-Security-Policy", API_CONTENT_POLICY)
                 headers.setdefault("Cache-Control", "private, no-cache" if "ETag" in headers else "no-store")
-                headers.setdefault("X-Content-Type-Options", "nosniff")
-                headers.setdefault("Referrer-Policy", "no-referrer")
-                headers.setdefault("Cross-Origin-Resource-Policy", "same-origin")
+                for name, value in SECURITY_HEADERS.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)
@@ -159,3 +164,55 @@ def host_without_port(header: str) -> str:
     if header.startswith("["):
         return header[: header.find("]") + 1].lower()
     return header.partition(":")[0].lower()
+
+
+class HeadAsGetMiddleware:
+    """Middleware that routes HEAD as GET, which FastAPI does not; the server leaves out the content.
+
+    Parameters
+    ----------
+    app : ASGI application
+        The wrapped application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on, HEAD as GET with `rig.head` set in the scope."""
+        is_head = scope["type"] == "http" and scope["method"] == "HEAD"
+        await self._app({**scope, "method": "GET", "rig.head": True} if is_head else scope, receive, send)
+
+
+class UnhandledErrorMiddleware:
+    """Middleware that turns an unhandled exception into a problem response and a log entry.
+
+    Starlette's own raises the exception again, so that the server logs it a second time, and stands outside the
+    middleware that adds the security headers.
+
+    Parameters
+    ----------
+    app : ASGI application
+        The wrapped application.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on; re-raise only if the response has started."""
+        has_started = False
+
+        async def send_on(message: Message) -> None:
+            nonlocal has_started
+            has_started = True
+            await send(message)
+
+        try:
+            await self._app(scope, receive, send_on)
+        except Exception as error:  # the service must stay available to other clients
+            if has_started or scope["type"] != "http":
+                raise
+            logger.exception("%s %s failed", scope["method"], scope["path"])
+            detail = f"{type(error).__name__}; see the service's log"
+            await problem_response(ProblemType.INTERNAL_ERROR, detail, scope["path"])(scope, receive, send)
