@@ -8,12 +8,12 @@ RUNTIME := $(VENV)/ready-run
 READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
-PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+# Without byte-compilation, which takes pip longer than Python needs for the modules that a command imports.
+PIP = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 
 .PHONY: run serve test coverage check bench campaign oracle numbers proto clean
 
 run: $(RUNTIME)
-	$(BIN)/rig predict $(RIG) --quiet
 	$(BIN)/rig record $(RIG)
 
 serve: $(RUNTIME)
