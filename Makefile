@@ -8,10 +8,12 @@ RUNTIME := $(VENV)/ready-run
 READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
+TYPESCRIPT := typescript@5.9.3
+TSC := npx --yes --package $(TYPESCRIPT) tsc
 # Without byte-compilation, which takes pip longer than Python needs for the modules that a command imports.
 PIP = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: run serve test coverage check bench campaign oracle numbers proto clean
+.PHONY: run serve test coverage check javascript bench campaign oracle numbers proto clean
 
 run: $(RUNTIME)
 	$(BIN)/rig record $(RIG)
@@ -29,11 +31,17 @@ coverage: $(READY)
 	$(BIN)/coverage combine --quiet
 	$(BIN)/coverage report --fail-under 90
 
-check: $(READY)
+check: $(READY) javascript
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/mypy
+
+# Checks the types of the page's JavaScript; only CI requires npm.
+javascript:
+	@if $(TSC) --version >/dev/null 2>&1; then echo "tsc -p daq/console/jsconfig.json" && $(TSC) -p daq/console/jsconfig.json; \
+	elif [ -n "$(CI)" ]; then echo "$(TYPESCRIPT) cannot be fetched by npx: apt install npm"; exit 1; \
+	else echo "JavaScript is not type-checked: npx is missing or cannot fetch $(TYPESCRIPT)"; fi
 
 bench: $(VENV)/ready-bench
 	$(BIN)/pytest tests/benchmarks -m benchmark -s

@@ -1,5 +1,6 @@
 // Form that uploads another program's file, maps its columns to a rig's channels and imports it as a run.
 
+import { element } from "./elements.js";
 import { formatInteger, isKnown } from "./format.js";
 import { drawRuns } from "./run_list.js";
 import { getJson, runJob, uploadFile } from "./service_client.js";
@@ -8,7 +9,6 @@ const UPLOADS = "/api/v1/uploads";
 const READ_TIMEOUT = 35000; // ms
 const UNITS = ["V", "mV", "um", "mm", "m"];
 
-const element = (id) => document.getElementById(id);
 const note = (text) => {
   element("import-note").textContent = text;
 };
@@ -34,7 +34,7 @@ async function listRigs() {
 }
 
 function drawColumns() {
-  const run = runs.get(element("import-rig").value);
+  const run = runs.get(element("import-rig", HTMLSelectElement).value);
   const ready = Boolean(run && content);
   element("import-form").hidden = !ready;
   if (!ready) return;
@@ -76,19 +76,19 @@ async function upload(file) {
 
 async function importFile(event) {
   event.preventDefault();
-  const rows = [...element("import-columns").rows];
+  const rows = [...element("import-columns", HTMLTableSectionElement).rows];
   const channel = Object.fromEntries(
     rows.map((row) => {
       const [source, unit] = [...row.querySelectorAll("select")].map((select) => select.value);
       return [row.dataset.channel, { source, unit }];
     }),
   );
-  const rate = element("import-rate").hidden ? {} : { rate_hz: Number(element("import-rate-value").value) };
+  const rate = element("import-rate").hidden ? {} : { rate_hz: Number(element("import-rate-value", HTMLInputElement).value) };
   const jobRequest = {
     kind: "import",
     upload: uploaded.upload,
-    rig: { source: "run", run: element("import-rig").value },
-    mapping: { ...rate, note: element("import-comment").value, channel },
+    rig: { source: "run", run: element("import-rig", HTMLSelectElement).value },
+    mapping: { ...rate, note: element("import-comment", HTMLInputElement).value, channel },
   };
   try {
     const run = await runJob(jobRequest, note);
@@ -110,8 +110,9 @@ export async function offerImport() {
 }
 
 function addListeners() {
-  element("importing").addEventListener("toggle", () => element("importing").open && listRigs().then(drawColumns, (error) => note(error.message)));
-  element("import-file").addEventListener("change", (event) => event.target.files.length && upload(event.target.files[0]));
+  const [details, file] = [element("importing", HTMLDetailsElement), element("import-file", HTMLInputElement)];
+  details.addEventListener("toggle", () => details.open && listRigs().then(drawColumns, (error) => note(error.message)));
+  file.addEventListener("change", () => file.files?.length && upload(file.files[0]));
   element("import-rig").addEventListener("change", drawColumns);
   element("import-form").addEventListener("submit", importFile);
 }

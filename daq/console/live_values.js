@@ -1,8 +1,8 @@
 // Shows the live values of a run on the page.
 
+import { element, elements } from "./elements.js";
 import { formatClock, formatCount, formatDuration, formatFixed, formatInteger, formatLag, formatMicrometres, formatOrder, formatSigma, isKnown } from "./format.js";
 
-const element = (id) => document.getElementById(id);
 
 function write(id, text) {
   const node = element(id);
@@ -53,21 +53,21 @@ export function drawIdle() {
   write("clock", "–:––");
   write("run", "No run in progress");
   write("device", "rig record RIG.TOML starts a run; recorded runs are below");
-  for (const node of document.querySelectorAll("#values b, #status dd")) node.textContent = "–";
-  for (const node of document.querySelectorAll("#values .size, #values td span, #values .trend, #values .note, #values .verdict")) {
+  for (const node of elements("#values b, #status dd")) node.textContent = "–";
+  for (const node of elements("#values .size, #values td span, #values .trend, #values .note, #values .verdict")) {
     if (node.id) node.textContent = "";
   }
-  for (const node of document.querySelectorAll(".gauge i")) node.style.setProperty("--fill", "0%");
-  for (const node of document.querySelectorAll("#status div")) node.classList.remove("bad", "poor");
+  for (const node of elements(".gauge i")) node.style.setProperty("--fill", "0%");
+  for (const node of elements("#status div")) node.classList.remove("bad", "poor");
   write("clearance", "");
-  for (const tile of document.querySelectorAll(".tile")) delete tile.dataset.severity;
+  for (const tile of elements(".tile")) delete tile.dataset.severity;
   element("alarms").hidden = true;
   banner("trouble", "");
 }
 
 function fill(id, value, fullScale) {
   const share = isKnown(value) && fullScale > 0 ? Math.min(100, (100 * value) / fullScale) : 0;
-  element(id).querySelector("i").style.setProperty("--fill", `${share}%`);
+  for (const node of elements("i", element(id))) node.style.setProperty("--fill", `${share}%`);
 }
 
 const highestSeverity = (alarms) => (alarms.some((alarm) => alarm.severity === "danger") ? "danger" : alarms.length ? "alarm" : "normal");

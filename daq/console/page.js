@@ -1,5 +1,6 @@
 // The operator's page: shows the live run from a WebSocket or by polling, and reports a lost connection.
 
+import { element, isTyping } from "./elements.js";
 import { formatClock } from "./format.js";
 import { offerImport } from "./import_form.js";
 import { drawIdle, drawLive } from "./live_values.js";
@@ -13,7 +14,6 @@ const IDLE_INTERVAL = 1000; // also the time without a WebSocket message until t
 const RUNS_INTERVAL = 10000;
 const STALE_AFTER = 1500; // ms without a response, or without new samples, until a warning
 
-const element = (id) => document.getElementById(id);
 const delay = (interval) => new Promise((done) => setTimeout(done, interval));
 let lastResponse = performance.now();
 let lastProgress = performance.now();
@@ -122,13 +122,13 @@ function showViewer(address) {
 
 element("token").addEventListener("submit", (event) => {
   event.preventDefault();
-  storeToken(element("token-value").value);
+  storeToken(element("token-value", HTMLInputElement).value);
   drawRuns();
   offerImport();
 });
 
 async function acknowledge() {
-  const button = element("acknowledge");
+  const button = element("acknowledge", HTMLButtonElement);
   button.disabled = true;
   try {
     await postJson("/api/v1/live/acknowledge");
@@ -142,13 +142,12 @@ async function acknowledge() {
 
 element("acknowledge").addEventListener("click", acknowledge);
 document.addEventListener("keydown", (event) => {
-  const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
-  if (event.key === "a" && !typing && !element("alarms").hidden && !element("acknowledge").hidden) acknowledge();
+  if (event.key === "a" && !isTyping(event) && !element("alarms").hidden && !element("acknowledge").hidden) acknowledge();
 });
 
 async function addMarker(event) {
   event.preventDefault();
-  const input = element("marker-text");
+  const input = element("marker-text", HTMLInputElement);
   try {
     const marker = await postJson("/api/v1/live/markers", { text: input.value.trim() });
     input.value = "";
@@ -184,8 +183,7 @@ async function stopRun({ currentTarget: button }) {
 
 element("stop").addEventListener("click", stopRun);
 document.addEventListener("keydown", (event) => {
-  const typing = event.target.matches("input, textarea") || event.ctrlKey || event.metaKey || event.altKey;
-  if (event.key !== "m" || typing || element("marker-form").hidden) return;
+  if (event.key !== "m" || isTyping(event) || element("marker-form").hidden) return;
   event.preventDefault();
   element("marker-text").focus();
 });

@@ -3,6 +3,9 @@
 import { getImage, runJob } from "./service_client.js";
 
 const PLOT_TIMEOUT = 60000; // ms: the service may have to read samples first
+/** @typedef {[name: string, kind: string, parameters: Record<string, string | number>]} PlotChoice */
+
+/** @type {PlotChoice[]} */
 const PLOTS_AT_TIME = [
   ["orbit", "orbit", {}],
   ["1X orbit", "orbit", { filter: "orders", orders: "1" }],
@@ -13,6 +16,7 @@ const PLOTS_AT_TIME = [
   ["1X and 2X waveforms", "waveforms", { orders: "1,2" }],
   ["Poincaré points", "poincare", {}],
 ];
+/** @type {PlotChoice[]} */
 const PLOTS_OF_RUN = [
   ["Bode 1X", "bode", {}],
   ["Bode 2X", "bode", { order: 2 }],

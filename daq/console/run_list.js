@@ -1,5 +1,6 @@
 // List of the last runs; an opened run shows its summary and plots.
 
+import { element, elements } from "./elements.js";
 import { plotsOf } from "./plots.js";
 import { formatClock, formatCount, formatDate, formatFixed, formatInteger, formatLag, formatMicrometres, formatOrder, isKnown } from "./format.js";
 import { getJson, runJob } from "./service_client.js";
@@ -7,8 +8,8 @@ import { getJson, runJob } from "./service_client.js";
 const SHOWN = 12;
 const SUMMARY_TIMEOUT = 60000; // ms: the service may have to analyse the whole recording first
 
-const list = document.getElementById("runs");
-const note = document.getElementById("runs-note");
+const list = element("runs");
+const note = element("runs-note");
 let listed = "";
 
 function make(tag, text = "", className = "") {
@@ -31,7 +32,7 @@ export async function drawRuns(opened = "") {
   const text = JSON.stringify(page);
   if (text === listed && !opened) return;
   listed = text;
-  const open = new Set([...list.querySelectorAll("details[open]")].map((node) => node.dataset.run));
+  const open = new Set([...elements("details[open]", list)].map((node) => node.dataset.run));
   list.replaceChildren(...page.runs.map((run) => entry(run, run.run === opened || open.has(run.run))));
 }
 

@@ -4,7 +4,8 @@ import { formatFixed, formatInteger, isKnown } from "./format.js";
 import { adaptScale, draw, plane } from "./live_curves.js";
 
 const [WIDTH, HEIGHT] = [1600, 260];
-const SPANS = [60, 300, 1800]; // s: the shortest that holds the run, or the longest
+const SHORT_SPANS = [60, 300]; // s: the shortest that holds the run, or the longest
+const LONGEST_SPAN = 1800; // s
 const INTERVAL = 0.5; // s between two points
 const MAX_LABEL_LENGTH = 30; // characters of a marker's label
 
@@ -27,12 +28,12 @@ export function addToTrend({ run: id, status, measured }) {
   const last = points.at(-1);
   if (last && now < last.at + INTERVAL) Object.assign(last, { x: Math.max(last.x, x), y: Math.max(last.y, y), speed });
   else points.push({ at: now, x, y, speed });
-  if (points.length > SPANS.at(-1) / INTERVAL) points.shift();
+  if (points.length > LONGEST_SPAN / INTERVAL) points.shift();
   return mustRedraw;
 }
 
 export function drawTrend(parent) {
-  const span = SPANS.find((one) => now <= one) ?? SPANS.at(-1);
+  const span = SHORT_SPANS.find((one) => now <= one) ?? LONGEST_SPAN;
   const shown = points.filter((point) => point.at >= now - span);
   const across = (at) => (WIDTH * (at - now + span)) / span;
   vibrationScale = adaptScale(vibrationScale, Math.max(0, ...shown.map((point) => Math.max(point.x ?? 0, point.y ?? 0))));
@@ -53,7 +54,8 @@ export function drawTrend(parent) {
   draw(svg, "text", { x: 0, y: -8, class: "label" }, "overall · µm peak-to-peak");
   draw(svg, "text", { x: WIDTH, y: -8, class: "label end" }, "speed · r/min (white)");
   draw(svg, "text", { x: WIDTH / 2, y: HEIGHT + 52, class: "label middle" }, `${span > 60 ? "min" : "s"} before now`);
-  for (const [name, full] of [["speed", speedScale], ["y", vibrationScale], ["x", vibrationScale]]) {
+  const scales = { speed: speedScale, y: vibrationScale, x: vibrationScale };
+  for (const [name, full] of Object.entries(scales)) {
     const curve = shown.filter((point) => isKnown(point[name]));
     const path = curve.map((point) => `${across(point.at).toFixed(1)},${(HEIGHT * (1 - point[name] / full)).toFixed(1)}`);
     draw(svg, "polyline", { points: path.join(" "), class: `curve ${name}` });
