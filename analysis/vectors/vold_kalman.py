@@ -1,4 +1,4 @@
-"""Second-generation Vold-Kalman filter: complex envelopes of several orders, sample by sample."""
+"""Second-generation Vold-Kalman filter: complex envelopes of several components, sample by sample."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from analysis.signals.probes import require_displacement
 from analysis.tacho.shaft_angle import ShaftAngle
 
 MAX_ORDER_FRACTION = 0.2  # of the decimated rate: the highest order lies below it
-MEAN_REVOLUTIONS = 16.0  # revolutions over which the mean shaft position is computed and subtracted
+MEAN_BANDWIDTH = 0.5  # of the lowest component's frequency: at most the bandwidth of the mean
 POLES = 2  # order of the differences of the envelope that are minimised
 MAX_WEIGHT = 1e13  # of the structural equation: above it the solution is ill-conditioned
 HALF_POWER = np.sqrt(2.0) - 1.0
@@ -21,32 +21,34 @@ _STENCIL = np.array([1.0, -2.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OrderEnvelopes:
-    """Complex envelopes of several orders from one joint solution.
+    """Complex envelopes of several components from one joint solution.
 
     Parameters
     ----------
     orders : tuple of float
         Frequencies over shaft frequency.
-    envelopes : ndarray of complex128, shape (n_orders, n)
-        In the unit of the waveform, peak: x(t) = sum Re[X exp(i order theta(t))].
-    sigma : ndarray of float64, shape (n_orders, n)
+    envelopes : ndarray of complex128, shape (n_components, n)
+        In the unit of the waveform, peak: x(t) = sum Re[X exp(i phase(t))]; the orders first, then the others.
+    sigma : ndarray of float64, shape (n_components, n)
         Standard deviation of each amplitude, from the residual, assumed white noise.
-    angle : ndarray of float64, shape (n,)
-        Angle of the shaft, rad.
+    phases : ndarray of float64, shape (n_components, n)
+        Phase of each component, rad: order times the angle of the shaft.
+    mean : ndarray of float64, shape (n,)
+        Slowly varying mean.
     residual : ndarray of float64, shape (n,)
-        Waveform minus all orders.
+        Waveform minus mean and all components.
     """
 
     orders: tuple[float, ...]
     envelopes: ComplexArray
     sigma: FloatArray
-    angle: FloatArray
+    phases: FloatArray
+    mean: FloatArray
     residual: FloatArray
 
     def waveform(self, index: int) -> FloatArray:
-        """Return the waveform of one order, shape (n,), in the unit of the input."""
-        turning = np.exp(1j * self.orders[index] * self.angle)
-        return np.asarray((self.envelopes[index] * turning).real, dtype=np.float64)
+        """Return the waveform of one component, shape (n,), in the unit of the input."""
+        return np.asarray((self.envelopes[index] * np.exp(1j * self.phases[index])).real, dtype=np.float64)
 
 
 def order_envelopes(
@@ -57,8 +59,9 @@ def order_envelopes(
     *,
     bandwidth: float | None = None,
     bandwidth_percent: float | None = None,
+    others: tuple[FloatArray, ...] = (),
 ) -> OrderEnvelopes:
-    """Return the envelopes of several orders of a waveform.
+    """Return the envelopes of several orders of a waveform, solved together with its mean and other components.
 
     Decimate first (`resampling.decimation`): the computing time grows with the rate, and at a rate far above the
     bandwidth the equations are ill-conditioned, which raises ValueError.
@@ -66,7 +69,7 @@ def order_envelopes(
     Parameters
     ----------
     waveform : ndarray of float64, shape (n,)
-        Uniformly in time, any unit, with a mean near 0.
+        Uniformly in time, any unit.
     angle : ndarray of float64, shape (n,)
         Angle of the shaft at the samples, rad, rising.
     rate : float
@@ -76,7 +79,10 @@ def order_envelopes(
     bandwidth : float or None
         Full width at half power, Hz, the same at every speed.
     bandwidth_percent : float or None
-        Full width at half power in per cent of each order's frequency. Exactly one of the two must be given.
+        Full width at half power in per cent of each component's frequency. Exactly one of the two must be given.
+    others : tuple of ndarray of float64, shape (n,)
+        Phases of components that are no order of the shaft, rad, rising: 2 pi f t of a fixed frequency as mains hum, or
+        an order of another shaft.
 
     Raises
     ------
@@ -89,33 +95,37 @@ def order_envelopes(
 
     Notes
     -----
-    Minimises sum |r (second difference of X_k)|² + |x - sum Re[X_k exp(i k theta)]|² over all X_k together. The weight
-    r follows from the bandwidth B: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as half the power of a real
-    waveform is at positive frequencies (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband
-    width in the Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: the unknowns are
-    the real and imaginary parts of all orders at one sample, then those at the next sample.
+    Minimises sum |r (second difference of X_k)|² + |x - X_0 - sum Re[X_k exp(i phase_k)]|² over all X_k together, with
+    a real X_0, the mean, of the narrowest bandwidth, at most half the lowest frequency. The weight r follows from the
+    bandwidth B: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as half the power of a real waveform is at positive
+    frequencies (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband width in the Vold-Kalman order
+    tracking filter, ICSV 12, 2005). The normal equations are banded: the unknowns are the real and imaginary parts of
+    all components and the mean at one sample, then those at the next sample.
     """
     waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
-    _check(waveform, angle, orders)
-    n, count = waveform.size, len(orders)
-    turn_rate = np.gradient(angle) * rate / (2.0 * np.pi)
-    if max(orders) * float(turn_rate.max()) > 0.45 * rate:
+    _check(waveform, angle, orders, others)
+    phases = np.stack([*(order * angle for order in orders), *others])
+    n, count = waveform.size, len(phases)
+    frequencies = np.gradient(phases, axis=1) * rate / (2.0 * np.pi)
+    highest = float(frequencies.max())
+    if highest > 0.45 * rate:
         raise BandLimitError(
-            f"order {max(orders)} reaches {max(orders) * float(turn_rate.max()):.0f} Hz, expected at most 0.45 of the "
-            f"rate, {0.45 * rate:.0f} Hz"
+            f"a component reaches {highest:.0f} Hz, expected at most 0.45 of the rate, {0.45 * rate:.0f} Hz"
         )
-    widths = _widths(np.array(orders)[:, None] * turn_rate, bandwidth, bandwidth_percent)
+    widths = _widths(frequencies, bandwidth, bandwidth_percent)
     weights = _weights(widths, rate)
-    turning = np.exp(1j * np.array(orders)[:, None] * angle)
+    of_mean = _weights(np.minimum(widths.min(axis=0), MEAN_BANDWIDTH * frequencies.min(axis=0)), rate)
+    turning = np.exp(1j * phases)
     rows = np.stack([turning.real, -turning.imag], axis=1).reshape(2 * count, n)  # x = rows · (Re, Im)
-    parts = _solution(rows, weights, waveform).reshape(n, count, 2)
-    envelopes = np.ascontiguousarray((parts[..., 0] + 1j * parts[..., 1]).T)
-    rest = waveform - (envelopes * turning).real.sum(axis=0)
+    rows, weights = np.vstack([rows, np.ones(n)]), np.vstack([np.repeat(weights, 2, axis=0), of_mean])
+    parts = _solution(rows, weights, waveform).reshape(n, 2 * count + 1).T
+    envelopes = parts[:-1:2] + 1j * parts[1:-1:2]
+    rest = waveform - parts[-1] - (envelopes * turning).real.sum(axis=0)
     # sigma_A = sigma_x sqrt(2 * noise bandwidth / rate). The noise bandwidth of a filter 1 / (1 + u^4) is
     # 3 pi / (8 sqrt 2) of its corner u = 1 on either side, which is HALF_POWER^(-1/4) times the half-power point.
     noise_width = widths * 3.0 * np.pi / (8.0 * np.sqrt(2.0)) * HALF_POWER**-0.25
     sigma = float(np.std(rest)) * np.sqrt(2.0 * noise_width / rate)
-    return OrderEnvelopes(tuple(orders), envelopes, sigma, angle, rest)
+    return OrderEnvelopes(tuple(orders), envelopes, sigma, phases, parts[-1], rest)
 
 
 def probe_envelopes(
@@ -126,21 +136,22 @@ def probe_envelopes(
     *,
     bandwidth: float | None = None,
     bandwidth_percent: float | None = None,
+    others: tuple[FloatArray, ...] = (),
 ) -> tuple[FloatArray, tuple[OrderEnvelopes, OrderEnvelopes]]:
     """Return the envelopes of several orders at both probes of a record, decimated as far as the orders allow.
 
     Parameters
     ----------
     displacement : ndarray of float64, shape (2, n)
-        Towards the probes x and y, uniformly in time, m; the mean over 16 revolutions is subtracted.
+        Towards the probes x and y, uniformly in time, m.
     rate : float
         Sample rate, Hz.
     angle : ShaftAngle
         Time against revolutions, where time 0 is the first sample.
     orders : tuple of float
         Above 0, all different.
-    bandwidth, bandwidth_percent : float or None
-        As for `order_envelopes`.
+    bandwidth, bandwidth_percent, others
+        As for `order_envelopes`; the phases of other components at the samples of the displacement.
 
     Returns
     -------
@@ -162,7 +173,8 @@ def probe_envelopes(
     if not orders:
         raise ValueError("orders: none, expected one at least")
     fastest = float(angle.speed(np.linspace(angle.first, angle.last, 1_000)).max()) / (2.0 * np.pi)
-    level = max(int(np.floor(np.log2(MAX_ORDER_FRACTION * rate / (max(orders) * fastest)))), 0)
+    highest = max([max(orders) * fastest, *(float(np.diff(phase).max()) * rate / (2.0 * np.pi) for phase in others)])
+    level = max(int(np.floor(np.log2(MAX_ORDER_FRACTION * rate / highest))), 0)
     pyramid = DecimationPyramid(2, level + 1, displacement.shape[1], 0)
     pyramid.push(displacement)
     samples, origin = pyramid.level(level)
@@ -171,33 +183,25 @@ def probe_envelopes(
     turns = angle.turns(times)
     known = np.isfinite(turns)
     times, turns, samples = times[known], turns[known], samples[:, known]
+    positions = np.arange(displacement.shape[1]) / rate
+    rest = tuple(np.interp(times, positions, phase) for phase in others)
     x, y = (
         order_envelopes(
-            row - _slow(_slow(row, turns), turns),  # twice: the mean of a mean contains little of a non-integer order
+            row,
             2.0 * np.pi * turns,
             thinned,
             orders,
             bandwidth=bandwidth,
             bandwidth_percent=bandwidth_percent,
+            others=rest,
         )
         for row in samples
     )
     return times, (x, y)
 
 
-def _slow(values: FloatArray, turns: FloatArray) -> FloatArray:
-    """Return the mean over the revolutions around each sample, over those available at the ends."""
-    if turns.size < 2:
-        return np.zeros(values.size)
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(turns))])
-    half = 0.5 * MEAN_REVOLUTIONS
-    middle = np.clip(turns, turns[0] + half, max(turns[-1] - half, turns[0] + half))
-    low, high = np.maximum(middle - half, turns[0]), np.minimum(middle + half, turns[-1])
-    return np.asarray((np.interp(high, turns, sums) - np.interp(low, turns, sums)) / (high - low), dtype=np.float64)
-
-
 def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent: float | None) -> FloatArray:
-    """Return the bandwidth of each order at each sample, Hz, for orders at these frequencies, Hz."""
+    """Return the bandwidth of each component at each sample, Hz, for components at these frequencies, Hz."""
     if bandwidth is not None and bandwidth_percent is None:
         return np.full(frequencies.shape, bandwidth)
     if bandwidth is None and bandwidth_percent is not None:
@@ -206,8 +210,8 @@ def _widths(frequencies: FloatArray, bandwidth: float | None, bandwidth_percent:
 
 
 def _solution(rows: FloatArray, weights: FloatArray, waveform: FloatArray) -> FloatArray:
-    """Return real and imaginary parts of the envelopes, sample by sample."""
-    equations = _equations(rows, np.repeat(weights, 2, axis=0))
+    """Return real and imaginary parts of the envelopes and the mean, sample by sample."""
+    equations = _equations(rows, weights)
     try:
         solution = solveh_banded(equations, (rows * waveform).T.ravel(), lower=True, check_finite=False)
     except LinAlgError:
@@ -218,13 +222,15 @@ def _solution(rows: FloatArray, weights: FloatArray, waveform: FloatArray) -> Fl
     return np.asarray(solution, dtype=np.float64)
 
 
-def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...]) -> None:
-    if waveform.ndim != 1 or waveform.shape != angle.shape:
-        raise ValueError(f"waveform, angle: shapes {waveform.shape} and {angle.shape}, expected both (n,)")
+def _check(waveform: FloatArray, angle: FloatArray, orders: tuple[float, ...], others: tuple[FloatArray, ...]) -> None:
+    if waveform.ndim != 1 or any(waveform.shape != phase.shape for phase in (angle, *others)):
+        shapes = ", ".join(str(phase.shape) for phase in (waveform, angle, *others))
+        raise ValueError(f"waveform, angle, others: shapes {shapes}, expected all (n,)")
     if waveform.size < 8:
         raise RecordTooShortError(f"{waveform.size} samples, expected at least 8")
-    if not (np.isfinite(waveform).all() and np.isfinite(angle).all() and (np.diff(angle) > 0.0).all()):
-        raise ValueError("waveform, angle: expected finite values and an angle that rises")
+    rises = all(np.isfinite(phase).all() and (np.diff(phase) > 0.0).all() for phase in (angle, *others))
+    if not (np.isfinite(waveform).all() and rises):
+        raise ValueError("waveform, angle, others: expected finite values and phases that rise")
     if not orders or min(orders) <= 0.0 or len(set(orders)) != len(orders):
         raise ValueError(f"orders: {orders}, expected at least one, above 0, all different")
 

@@ -432,6 +432,15 @@ class EnvelopesQuery(SampledQuery, TimeIntervalQuery):
         float | None,
         Field(description="Bandwidth, per cent of each order's frequency", ge=MIN_BANDWIDTH, le=100, examples=[None]),
     ] = None
+    frequencies_hz: Annotated[
+        str,
+        Field(
+            description="Fixed frequencies, Hz, separated by commas, solved together with the orders, as mains hum",
+            pattern=f"^$|{ORDERS}",
+            examples=["50"],
+        ),
+        AfterValidator(lambda text: _require_distinct_orders(text) if text else text),
+    ] = ""
     entries: Annotated[int, Field(description="Number of evenly spaced times", ge=2, le=20_000)] = 600
 
     @field_validator("bandwidth_percent")

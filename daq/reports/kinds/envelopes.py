@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.signals.units import MICROMETRE, MILLISECOND, RPM, phase_lag_degrees
 from analysis.tacho.shaft_angle import ShaftAngle
-from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_REVOLUTIONS, probe_envelopes
+from analysis.vectors.vold_kalman import MAX_ORDER_FRACTION, MEAN_BANDWIDTH, probe_envelopes
 from daq.reports.analysis_result import AnalysisResult, columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.kinds.orbits import orders_of
@@ -23,7 +23,6 @@ ComplexArray = NDArray[np.complex128]
 DEFAULT_BANDWIDTH = 4.0  # Hz
 MIN_DURATION = 8.0  # s of envelopes in one solution
 SETTLING = 6.0  # s Hz, over the bandwidth: margin on either side for an error of 1e-7
-SLOW = 1.5 * MEAN_REVOLUTIONS  # turns on either side needed by the mean position
 MAX_UNKNOWNS = 2_000_000  # orders squared times samples of one solution: about 1.5 GB
 INSET = 0.02  # s at either end, needed by the filters
 WAVEFORM_POINTS = 128  # per revolution
@@ -38,22 +37,27 @@ class OrderFilter:
     orders : tuple of float
         Frequencies over shaft frequency.
     hertz, percent : float or None
-        Full width at half power, Hz, or in per cent of each order's frequency.
+        Full width at half power, Hz, or in per cent of each component's frequency.
+    frequencies : tuple of float
+        Fixed frequencies that are solved together with the orders, Hz.
     """
 
     orders: tuple[float, ...]
     hertz: float | None
     percent: float | None
+    frequencies: tuple[float, ...] = ()
 
     @property
     def bandwidth_text(self) -> str:
         """Bandwidth as displayed."""
-        return f"{self.hertz:g} Hz" if self.hertz is not None else f"{self.percent:g} % of each order"
+        width = f"{self.hertz:g} Hz" if self.hertz is not None else f"{self.percent:g} % of each order"
+        return width + "".join(f", beside {frequency:g} Hz" for frequency in self.frequencies)
 
     def settling(self, slowest: float) -> float:
         """Return the margin on either side of a solution, s, at the slowest speed, revolutions per second."""
-        narrowest = self.hertz if self.hertz is not None else 0.01 * (self.percent or 0.0) * min(self.orders) * slowest
-        return SETTLING / narrowest + SLOW / slowest
+        lowest = min([min(self.orders) * slowest, *self.frequencies])
+        narrowest = self.hertz if self.hertz is not None else 0.01 * (self.percent or 0.0) * lowest
+        return SETTLING / min(narrowest, MEAN_BANDWIDTH * lowest)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +80,10 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     """Return amplitude and phase of several orders over time."""
     is_default = query.bandwidth_hz is None and query.bandwidth_percent is None
     chosen = OrderFilter(
-        orders_of(query.orders), DEFAULT_BANDWIDTH if is_default else query.bandwidth_hz, query.bandwidth_percent
+        orders_of(query.orders),
+        DEFAULT_BANDWIDTH if is_default else query.bandwidth_hz,
+        query.bandwidth_percent,
+        orders_of(query.frequencies_hz) if query.frequencies_hz else (),
     )
     span = run.sample_range(query.segment, query.from_s, query.duration_s)
     angle = run.shaft_angle(span)[1]
@@ -204,14 +211,17 @@ def solve_orders(
         first = span.first + before // CHUNK_ALIGNMENT * CHUNK_ALIGNMENT
         stop = min(math.ceil((times[here[-1]] + margin) * run.rate), span.stop)
         displacement = run.displacement(SampleRange(span.segment, first, stop), task="")
+        sampled = (first + np.arange(displacement.shape[1])) / run.rate
         with translated_errors(f"run {run.header.run}"):
             found_times, found = probe_envelopes(
                 displacement, run.rate, moved(angle, -first / run.rate), chosen.orders,
                 bandwidth=chosen.hertz, bandwidth_percent=chosen.percent,
+                others=tuple(2.0 * np.pi * frequency * sampled for frequency in chosen.frequencies),
             )  # fmt: skip
+        count = len(chosen.orders)
         for probe, pair in enumerate(found):
-            vectors[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.envelopes)
-            sigma[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.sigma).real
+            vectors[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.envelopes[:count])
+            sigma[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.sigma[:count]).real
         run.report_progress("solving for the orders", float((one + 1) / (number[-1] + 1)))
     return Solution(vectors, sigma)
 
