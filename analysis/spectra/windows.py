@@ -15,6 +15,7 @@ from analysis.signals.header import WindowName
 from analysis.signals.uncertainty import independent_frames
 
 POINTS = 8  # per revolution, of the weights from which the correlation of overlapping frames is computed
+MOMENT_POINTS = 1024  # of the weights from which their moments are computed
 MIN_AMPLITUDE = 1e-100  # in any unit: smaller amplitudes are no line
 
 
@@ -109,6 +110,26 @@ class Window:
     def side_lines(self) -> tuple[float, ...]:
         """The lines 1, 2, … away from a component that lies on a line, over it; all others are 0."""
         return tuple(0.5 * cosine / self.cosines[0] for cosine in self.cosines[1:])
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of the weights about their middle, frames squared."""
+        return self._moment(2)
+
+    @property
+    def fourth_moment(self) -> float:
+        """Fourth moment of the weights about their middle, frames to the fourth."""
+        return self._moment(4)
+
+    def _moment(self, power: int) -> float:
+        place = (np.arange(MOMENT_POINTS) + 0.5) / MOMENT_POINTS - 0.5
+        return float(_weights(self.cosines, 2 * MOMENT_POINTS)[1::2] @ place**power) * 2.0
+
+    def correlation(self, revolutions: int, lag: int) -> float:
+        """Return the correlation of the noise of two frames ``lag`` revolutions apart."""
+        weights = self.weights(POINTS * revolutions)
+        shared = max(weights.size - POINTS * lag, 0)
+        return float(weights[:shared] @ weights[weights.size - shared :] / (weights @ weights))
 
     @property
     def interpolation(self) -> LineInterpolation:

@@ -28,7 +28,9 @@ def track_of(speeds: FloatArray, damping: float = 0.05, noise: float = 0.0, step
     vectors = response * np.array([[1.0], [-1.0j]]) + shaken
     sigma = np.full((2, speeds.size), max(noise, 1e-12))
     times = 0.1 * np.arange(speeds.size, dtype=np.float64)
-    return OrderTrack(1.0, vectors, sigma, sigma / np.abs(vectors), speeds, np.zeros(speeds.size), times, 16, step)
+    phase_sigma, zeros = sigma / np.abs(vectors), np.zeros(speeds.size)
+    none = np.full(speeds.size, np.nan)
+    return OrderTrack(1.0, vectors, sigma, phase_sigma, speeds, zeros, times, 16, step, none, 0.0 * sigma)
 
 
 def test_resonance_is_found_with_amplification_factor_and_phase() -> None:
