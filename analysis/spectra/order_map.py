@@ -83,6 +83,11 @@ class RevolutionFrames:
         return np.asarray(2.0 * np.pi * self.revolutions / (self._end - self._begin), dtype=np.float64)
 
     @property
+    def middle_speeds(self) -> FloatArray:
+        """Speed in the middle revolution of each frame, at steady acceleration, rad/s, shape (n,)."""
+        return np.hypot(self.speeds, 0.5 * self.accelerations * (self._end - self._begin))
+
+    @property
     def speed_sigma(self) -> FloatArray:
         """Standard deviation of the mean speeds, from that of the begin and end times, rad/s, shape (n,)."""
         sigma = self._record.time_sigma

@@ -42,7 +42,7 @@ class OrderTrack:
         Standard deviation of each phase, rad, from noise and tacho jitter; pi / sqrt(3), that of an unknown phase,
         without a tacho.
     speeds : ndarray of float64, shape (n,)
-        Mean speed of each frame, rad/s.
+        Speed in the middle of each frame, rad/s.
     speed_sigma : ndarray of float64, shape (n,)
         Standard deviation of the speeds, rad/s; NaN without a tacho.
     times : ndarray of float64, shape (n,)
@@ -143,7 +143,7 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
         vectors=vectors,
         sigma=sigma,
         phase_sigma=phase_sigma(np.abs(vectors), sigma, angle_sigma, order),
-        speeds=frames.speeds,
+        speeds=frames.middle_speeds,
         speed_sigma=frames.speed_sigma,
         times=frames.times,
         revolutions=revolutions,

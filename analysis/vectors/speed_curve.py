@@ -1,5 +1,6 @@
 """Amplitude and phase of orders against speed, for run-up and run-down: Bode and polar data, and live speed bins."""
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,6 +17,11 @@ from analysis.vectors.order_track import OrderTrack
 
 MIN_REVERSAL_OF_SPAN = 0.02  # of the speed range: a smaller change does not reverse the ramp direction
 MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: likewise
+MAX_CONSTANT_SPREAD = 0.25  # bins, of the speeds of frames whose vectors are averaged
+MIN_FITTED_FRAMES, FITTED_WIDTH = 5, 0.75  # frames, and bins on either side, of a local polynomial
+ENOUGH_FRAMES = 8  # in the bin itself
+MAX_FITTED_COLUMNS = 4  # coefficients of it
+MIN_RESONANCE_POINTS = 2  # bins above half the power of a resolved peak
 MIN_PEAK_RATIO = 1.1  # of a peak to the higher of the minima on its two sides
 BIN_WIDTH = 200.0 * RPM  # rad/s
 
@@ -32,15 +38,20 @@ class Resonance:
         Largest amplitude, m peak.
     amplification_factor : float
         Speed over the width at half power, N / (N2 - N1) (API 684); NaN where the half-power points lie outside the
-        curve.
+        curve, or the bins of speed are too wide to resolve the peak.
     phase_change : float
         Change of lag between the half-power points, rad, about pi/2 for a resonance; NaN likewise.
+    speed_sigma, amplitude_sigma, amplification_factor_sigma : float
+        Standard deviations, rad/s, m peak and 1.
     """
 
     speed: float
     amplitude: float
-    amplification_factor: float
-    phase_change: float
+    amplification_factor: float = math.nan
+    phase_change: float = math.nan
+    speed_sigma: float = math.nan
+    amplitude_sigma: float = math.nan
+    amplification_factor_sigma: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +67,7 @@ class SpeedCurve:
     speeds : ndarray of float64, shape (n,)
         Mean speed of the frames in each bin, rad/s, rising.
     vectors : ndarray of complex128, shape (2, n)
-        Mean vectors at the probes x and y, m peak; the lag is -arg.
+        Vectors at the probes x and y, m peak, from the frames within a bin's width; the lag is -arg.
     sigma : ndarray of float64, shape (2, n)
         Standard deviation of the amplitudes of the means, m peak: from the noise or from the scatter of the frames,
         whichever is larger.
@@ -86,14 +97,14 @@ class SpeedCurve:
 
     def resonances(self, probe: int) -> tuple[Resonance, ...]:
         """Return the peaks of a probe's amplitude at least 10 % above the minima beside them, in order of speed."""
-        amplitude, lag = self.amplitudes[probe], self.lags[probe]
+        amplitude = self.amplitudes[probe]
         found = []
         for at in range(1, amplitude.size - 1):
             if not amplitude[at - 1] <= amplitude[at] > amplitude[at + 1]:
                 continue
             left, right = _saddle(amplitude[at::-1]), _saddle(amplitude[at:])
             if amplitude[at] >= MIN_PEAK_RATIO * max(left, right):
-                found.append(_resonance(self.speeds, amplitude, lag, at))
+                found.append(_resonance(self, probe, at))
         return tuple(found)
 
 
@@ -131,18 +142,45 @@ def _curve(track: OrderTrack, chosen: BoolArray, direction: RampDirection, width
     vectors = np.empty((2, bins.size), dtype=np.complex128)
     sigma, phase = np.empty((2, bins.size)), np.empty((2, bins.size))
     frames = np.empty(bins.size, dtype=np.int64)
+    candidates = np.flatnonzero(chosen)
     for column, one in enumerate(bins):
         here = np.flatnonzero(chosen & (number == one))
-        independent = HANN.independent_frames(track.revolutions, track.step, here.size)
-        of_bin = track.vectors[:, here]
-        mean = of_bin.mean(axis=1)
-        scatter = np.sqrt(0.5 * np.mean(np.abs(of_bin - mean[:, None]) ** 2, axis=1))
-        noise = np.sqrt(np.mean(track.sigma[:, here] ** 2, axis=1))
-        speeds[column], vectors[:, column], frames[column] = track.speeds[here].mean(), mean, here.size
-        sigma[:, column] = np.maximum(scatter, noise) / np.sqrt(independent)
-        angle = np.sqrt(np.mean(track.phase_sigma[:, here] ** 2, axis=1) / independent)
+        speeds[column], used, basis = _local_basis(track.speeds, candidates, here, width)
+        frames[column] = here.size
+        inverse = np.linalg.pinv(basis)
+        of_bin = track.vectors[:, used]
+        fitted = of_bin @ inverse.T
+        mean, rest = fitted[:, 0], of_bin - fitted @ basis.T
+        scatter = np.sqrt(0.5 * np.sum(np.abs(rest) ** 2, axis=1) / max(used.size - basis.shape[1], 1))
+        noise = np.sqrt(np.mean(track.sigma[:, used] ** 2, axis=1))
+        shared = used.size / HANN.independent_frames(track.revolutions, track.step, used.size)
+        part = float(np.sqrt(inverse[0] @ inverse[0] * shared))
+        vectors[:, column], sigma[:, column] = mean, np.maximum(scatter, noise) * part
+        angle = np.sqrt(np.mean(track.phase_sigma[:, used] ** 2, axis=1)) * part
         phase[:, column] = np.maximum(angle, sigma[:, column] / np.maximum(np.abs(mean), 1e-300))
     return SpeedCurve(track.order, direction, speeds, vectors, sigma, np.minimum(phase, np.pi / np.sqrt(3.0)), frames)
+
+
+def _local_basis(
+    speeds: FloatArray, candidates: IntArray, here: IntArray, width: float
+) -> tuple[float, IntArray, FloatArray]:
+    """Return the speed of a bin, the frames from which its vector is fitted, and the columns of the fit, value first.
+
+    The mean where the speed is about constant; else a parabola or cubic through the frames of the bin and as many
+    beside it as are needed, as the mean over a bin that a resonance crosses reads too low (W. Cleveland, J. Am. Stat.
+    Assoc. 74, 1979); on a ramp so fast that there are few of these, the middle frame alone.
+    """
+    middle = float(speeds[here].mean())
+    if float(np.ptp(speeds[here])) < MAX_CONSTANT_SPREAD * width:
+        return middle, here, np.ones((here.size, 1))
+    near = here
+    if here.size < ENOUGH_FRAMES:
+        near = candidates[np.abs(speeds[candidates] - middle) <= FITTED_WIDTH * width]
+    if near.size >= MIN_FITTED_FRAMES:
+        columns = min(near.size - 2, MAX_FITTED_COLUMNS)
+        return middle, near, np.vander((speeds[near] - middle) / width, columns, increasing=True)
+    nearest = here[[int(np.argmin(np.abs(speeds[here] - middle)))]]
+    return float(speeds[nearest[0]]), nearest, np.ones((1, 1))
 
 
 def _directions(speeds: FloatArray) -> BoolArray:
@@ -169,20 +207,51 @@ def _saddle(outward: FloatArray) -> float:
     return float(outward[: higher[0]].min()) if higher.size else float(outward.min())
 
 
-def _resonance(speeds: FloatArray, amplitude: FloatArray, lag: FloatArray, at: int) -> Resonance:
+def _resonance(curve: SpeedCurve, probe: int, at: int) -> Resonance:
+    """Return a peak of the curve, from the points down to half the power.
+
+    For the response to unbalance the inverse power is exactly a parabola over the inverse square of the speed; it is
+    fitted by least squares.
+    """
+    amplitude, speeds = curve.amplitudes[probe], curve.speeds
     half = amplitude[at] / np.sqrt(2.0)
     below, above = np.flatnonzero(amplitude[:at] < half), np.flatnonzero(amplitude[at:] < half)
-    if below.size == 0 or above.size == 0:
-        return Resonance(float(speeds[at]), float(amplitude[at]), np.nan, np.nan)
-    low, high = int(below[-1]), at + int(above[0])
-    points = []
-    for a, b in ((low, low + 1), (high, high - 1)):
-        part = (half - amplitude[a]) / (amplitude[b] - amplitude[a])
-        points.append((speeds[a] + part * (speeds[b] - speeds[a]), lag[a] + part * (lag[b] - lag[a])))
-    (first, lag_first), (second, lag_second) = points
+    unresolved = Resonance(float(speeds[at]), float(amplitude[at]), amplitude_sigma=float(curve.sigma[probe, at]))
+    if not (below.size and above.size) or at + above[0] - below[-1] <= MIN_RESONANCE_POINTS:
+        return unresolved
+    used = np.arange(below[-1], at + above[0] + 1)
+    y, power = (speeds[at] / speeds[used]) ** 2, (amplitude[at] / amplitude[used]) ** 2
+    weight = 1.0 / np.maximum(2.0 * power * curve.sigma[probe, used] / amplitude[used], 1e-9)
+    basis = np.vander(y, 3, increasing=True)
+    parabola = np.linalg.lstsq(weight[:, None] * basis, weight * power, rcond=None)[0]
+    if not (parabola[2] > 0.0 and 4.0 * parabola[0] * parabola[2] > parabola[1] ** 2):
+        return unresolved
+    left = weight * (power - basis @ parabola)
+    spread = max(float(left @ left) / max(used.size - 3, 1), 1.0)
+    covariance = spread * np.linalg.pinv((weight[:, None] * basis).T @ (weight[:, None] * basis))
+    values = _peak(parabola)
+    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
+    slopes = np.stack([(_peak(parabola + step) - values) / step.sum() for step in steps], axis=1)
+    sigma = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
+    lag = np.interp(speeds[at] * values[3:], speeds, curve.lags[probe])
     return Resonance(
-        float(speeds[at]), float(amplitude[at]), float(speeds[at] / (second - first)), float(lag_second - lag_first)
+        speed=float(speeds[at] * values[0]),
+        amplitude=float(amplitude[at] * values[1]),
+        amplification_factor=float(values[2]),
+        phase_change=float(lag[1] - lag[0]),
+        speed_sigma=float(speeds[at] * sigma[0]),
+        amplitude_sigma=float(amplitude[at] * sigma[1]),
+        amplification_factor_sigma=float(sigma[2]),
     )
+
+
+def _peak(parabola: FloatArray) -> FloatArray:
+    """Return speed, amplitude, amplification factor and half-power speeds of a + b y + c y², y = 1 / speed²."""
+    a, b, c = parabola
+    middle, least = -0.5 * b / c, a - 0.25 * b**2 / c
+    width = np.sqrt(least / c)
+    speed, first, second = (1.0 / np.sqrt(place) for place in (middle, middle + width, middle - width))
+    return np.array([speed, 1.0 / np.sqrt(least), speed / (second - first), first, second])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -157,6 +157,9 @@ QUANTITIES: Final[dict[str, Quantity]] = {
     "speed_min_rpm": Quantity("r/min", "lowest speed used"),
     "speed_max_rpm": Quantity("r/min", "highest speed used"),
     "amplification_factor": Quantity("", "resonance speed over half-power bandwidth (API 684)"),
+    "amplification_factor_sigma": Quantity("", "standard deviation of the amplification factor"),
+    "resonance_sigma_rpm": Quantity("r/min", "standard deviation of the resonance speed"),
+    "largest_sigma_peak_um": Quantity("µm zero-to-peak", "standard deviation of the largest amplitude"),
     "resonance_rpm": Quantity("r/min", "speed of the largest resonance over run-up, run-down and both probes"),
     "peak_to_peak_max_um": Quantity("µm peak-to-peak", "largest overall vibration"),
 }

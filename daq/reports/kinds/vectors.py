@@ -58,6 +58,9 @@ def _vectors(
             "resonance_rpm": largest[2].speed / RPM,
             "largest_peak_um": largest[2].amplitude / MICROMETRE,
             "amplification_factor": largest[2].amplification_factor,
+            "amplification_factor_sigma": largest[2].amplification_factor_sigma,
+            "resonance_sigma_rpm": largest[2].speed_sigma / RPM,
+            "largest_sigma_peak_um": largest[2].amplitude_sigma / MICROMETRE,
         }
     return AnalysisResult(
         title=f"{title} · {what}",
@@ -102,9 +105,14 @@ def _resonances(curve: SpeedCurve, probe: int) -> list[Resonance]:
 
 
 def _resonance(curve: SpeedCurve, probe: int, one: Resonance) -> str:
-    factor = "" if np.isnan(one.amplification_factor) else f", amplification {one.amplification_factor:.1f}"
+    factor = (
+        ", not resolved"
+        if np.isnan(one.amplification_factor)
+        else f", amplification {one.amplification_factor:.2f} ± {one.amplification_factor_sigma:.2g}"
+    )
     where = f"{one.speed / RPM:,.0f} r/min {ARROWS[curve.direction]}"
-    return f"peak at {'xy'[probe]}: {one.amplitude / MICROMETRE:.3g} µm at {where}{factor}"
+    size = f"{one.amplitude / MICROMETRE:.3g} ± {one.amplitude_sigma / MICROMETRE:.2g} µm"
+    return f"peak at {'xy'[probe]}: {size} at {where}{factor}"
 
 
 GUIDE_ORDERS = (0.5, 1.0)

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from analysis.resampling.angular_record import AngularRecord
 from analysis.signals.blocks import RampDirection
 from analysis.signals.header import RunOutSettings
 from analysis.signals.units import MICROMETRE
-from analysis.vectors.order_track import OrderTrack
+from analysis.spectra.windows import HANN
+from analysis.vectors.order_track import OrderTrack, track_order
 from analysis.vectors.speed_curve import BIN_WIDTH, SpeedTable, speed_curves
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+AngularMaker = Callable[..., AngularRecord]
 CRITICAL = 2 * np.pi * 200.0
 WIDTH = 2 * np.pi * 2.0
 
@@ -42,6 +46,73 @@ def test_resonance_is_found_with_amplification_factor_and_phase() -> None:
     assert resonance.amplification_factor == pytest.approx(10.0, rel=0.03)
     assert np.degrees(resonance.phase_change) == pytest.approx(90.0, abs=3.0)
     assert np.degrees(curve.lags[0, -1] - curve.lags[0, 0]) == pytest.approx(170.0, abs=10.0)
+
+
+def passage(make_angular: AngularMaker, acceleration: float, quality: float = 8.0, noise: float = 0.1) -> AngularRecord:
+    """Return a run-up at a rate, Hz/s, through a resonance at 59 Hz whose 1X is prescribed at every speed, µm."""
+    low, high = 30.0, 95.0
+    revolutions = int((high**2 - low**2) / (2 * acceleration))
+    speed = np.sqrt(low**2 + 2 * acceleration * np.arange(revolutions * 64) / 64)
+    z = response(speed, quality) * np.exp(2j * np.pi * np.arange(revolutions * 64) / 64)
+    motion = np.stack([z.real, z.imag]).reshape(2, revolutions, 64)
+    motion += noise * np.random.default_rng(0).standard_normal(motion.shape)
+    times = (np.sqrt(low**2 + 2 * acceleration * np.arange(revolutions + 1)) - low) / acceleration
+    return AngularRecord(motion, 0, times, make_angular().pair, 0.0, np.zeros(revolutions + 1))
+
+
+def response(speed: FloatArray, quality: float = 8.0) -> ComplexArray:
+    ratio = speed / 59.0
+    return np.asarray(10.0 * ratio**2 / (1 - ratio**2 + 1j * ratio / quality))
+
+
+@pytest.mark.parametrize("acceleration", [3.0, 12.0, 30.0])
+def test_peak_on_a_ramp_has_no_bias_beyond_its_uncertainty(make_angular: AngularMaker, acceleration: float) -> None:
+    fine = np.linspace(40.0, 90.0, 500_001)
+    size = np.abs(response(fine))
+    above = fine[size > size.max() / np.sqrt(2)]
+    true_factor = fine[size.argmax()] / (above[-1] - above[0])
+    track = track_order(passage(make_angular, acceleration), 1.0)
+    error = np.abs(track.vectors[0]) - np.abs(response(track.speeds / (2 * np.pi)))
+    assert np.mean(np.abs(error) < 2 * track.sigma[0]) >= 0.9
+    assert abs(error[np.argmax(np.abs(track.vectors[0]))]) < 0.012 * size.max()  # the window alone: 2.4 and 11.7 %
+    (curve,) = speed_curves(track, 20.0)
+    (peak,) = curve.resonances(0)
+    assert peak.amplitude == pytest.approx(size.max(), rel=0.01)
+    assert abs(peak.amplitude - size.max()) < 2.5 * peak.amplitude_sigma
+    assert abs(peak.speed / (2 * np.pi) - fine[size.argmax()]) < 2.5 * peak.speed_sigma / (2 * np.pi)
+    assert peak.amplification_factor == pytest.approx(true_factor, rel=0.02)
+    assert abs(peak.amplification_factor - true_factor) < 2.5 * peak.amplification_factor_sigma
+    assert peak.amplification_factor_sigma < 0.02 * true_factor
+    close = np.abs(curve.amplitudes[0] - np.abs(response(curve.speeds / (2 * np.pi)))) < 2.0 * curve.sigma[0]
+    assert close.mean() >= 0.9
+
+
+def test_peak_narrower_than_the_bins_is_not_resolved(make_angular: AngularMaker) -> None:
+    (curve,) = speed_curves(track_order(passage(make_angular, 12.0, quality=40.0), 1.0), 20.0)
+    (peak,) = curve.resonances(0)
+    assert np.isnan(peak.amplification_factor)
+    assert np.isnan(peak.speed_sigma)
+
+
+@pytest.mark.parametrize(("distance", "size"), [(0.05, 3.0), (-0.05, 3.0), (0.02, 3.0), (0.08, 0.3), (0.11, 3.0)])
+def test_unresolved_neighbour_is_subtracted_and_reported(
+    make_angular: AngularMaker, distance: float, size: float
+) -> None:
+    circles = ((20.0, 1.0, 0.4), (size, 1.0 - distance, 2.0), (4.0, 0.45, 0.2))
+    track = track_order(make_angular(*circles, noise=0.5, revolutions=200), 1.0)
+    assert track.neighbour == pytest.approx(1.0 - distance, abs=5e-4)
+    assert track.revolutions_needed == pytest.approx(2.0 / abs(distance), abs=1.5)
+    assert np.median(track.leakage) == pytest.approx(size * HANN.response(np.array(16.0 * distance)), rel=0.05)
+    error = np.abs(track.vectors) - 20.0
+    assert np.mean(np.abs(error) < 2.0 * track.sigma) >= 0.9
+    assert np.median(track.sigma) < 1.5 * np.std(error) + 0.01
+
+
+def test_order_without_a_neighbour_reports_none(make_angular: AngularMaker) -> None:
+    track = track_order(make_angular((20.0, 1.0, 0.4), (4.0, 0.45, 0.2), noise=0.5, revolutions=400), 1.0)
+    assert np.isnan(track.neighbour).all()
+    assert track.revolutions_needed == 16
+    assert not track.leakage.any()
 
 
 def test_run_up_and_run_down_give_separate_curves() -> None:
