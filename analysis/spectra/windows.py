@@ -138,6 +138,23 @@ class Window:
             raise ValueError(f"window: {self.name}, expected one with an interpolation between its lines")
         return self.rule
 
+    def component(self, sizes: FloatArray, line: int) -> tuple[float, float]:
+        """Return the distance, lines, from a peak line to its component, and the component's amplitude.
+
+        Parameters
+        ----------
+        sizes : ndarray of float64, shape (n,)
+            Amplitudes of the lines.
+        line : int
+            The peak, not the first or last; the line itself where the window has no rule between lines.
+        """
+        if self.rule is None:
+            return 0.0, float(sizes[line])
+        towards = 1 if sizes[line + 1] > sizes[line - 1] else -1
+        # beyond half a line the peak would be the neighbour's, below 0 the other neighbour would be larger
+        offset = towards * min(max(float(self.rule.offset(sizes[line], sizes[line + towards])), 0.0), 0.5)
+        return offset, float(sizes[line] / self.rule.gain(np.asarray(offset)))
+
     def weights(self, n: int) -> FloatArray:
         """Return ``n`` weights that sum to 1 (shared: read only)."""
         return _weights(self.cosines, n)

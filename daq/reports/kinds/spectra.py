@@ -11,7 +11,7 @@ from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.spectra.frequency_spectrum import frequency_map, frequency_spectrum
 from analysis.spectra.full_spectrum import full_spectrum, probe_mismatch
 from analysis.spectra.order_map import Scaling, order_map
-from analysis.spectra.windows import WINDOWS
+from analysis.spectra.windows import WINDOWS, Window
 from daq.reports.analysis_result import AnalysisResult, columns
 from daq.reports.errors import InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.parameters import (
@@ -23,8 +23,8 @@ from daq.reports.parameters import (
     OrderSpectrumQuery,
     WaterfallQuery,
 )
-from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, spectrum, stacked
-from daq.reports.plots.panel import Curve, Style
+from daq.reports.plots.layouts import FULL_SPECTRUM_LABEL, components, spectrum, stacked
+from daq.reports.plots.panel import Curve, Style, Values
 from daq.reports.run_samples import RunSamples, record_before_frame, record_over_interval
 
 FloatArray = NDArray[np.float64]
@@ -68,11 +68,22 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
     return AnalysisResult(
         title=title,
         columns=columns(**table),
-        panels=tuple(spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption)),
+        panels=tuple(
+            spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption, WINDOWS[query.window])
+        ),
         scalars={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) / MICROMETRE, **prepared.scalars},
-        remarks=prepared.remarks,
+        remarks=(
+            *(_components(probe, found.orders.tolist(), row, WINDOWS[query.window]) for probe, row in rows),
+            *prepared.remarks,
+        ),
         representative_rows=peaks(size.max(axis=0)),
     )
+
+
+def _components(probe: str, orders: Values, row: Values, window: Window) -> str:
+    """Return the largest components of a spectrum, interpolated between its lines."""
+    largest = ", ".join(f"{order:.3g}X {size:.3g} µm" for order, size in components(orders, row, window))
+    return f"largest components at {probe}: {largest}"
 
 
 def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from analysis.spectra.windows import HANN, Window
 from daq.reports.plots.panel import FULL_TURN, MARGIN, Curve, Panel, Style, Values
 from model.studies import study
 
@@ -134,14 +135,23 @@ def orbit(
 
 
 def spectrum(
-    title: str, x_label: str, unit: str, across: Values, rows: Sequence[tuple[str, Values]], caption: str = ""
+    title: str,
+    x_label: str,
+    unit: str,
+    across: Values,
+    rows: Sequence[tuple[str, Values]],
+    caption: str = "",
+    window: Window = HANN,
 ) -> list[Panel]:
-    """Return spectra of the same scale, one panel each, with labels at the largest lines."""
+    """Return spectra of the same scale, one panel each, with labels at the largest components.
+
+    Position and amplitude of a label are interpolated between the lines by the rule of the window.
+    """
     highest = max((value for _, row in rows for value in row if value is not None), default=0.0) or 1.0
     panels = []
     for place, (name, row) in enumerate(rows):
         unit_of_x = "X" if "order" in x_label else f" {x_label.rpartition(', ')[2]}"
-        tops = _peaks(across, row, MIN_LABEL_FRACTION * highest)
+        tops = components(across, row, window, MIN_LABEL_FRACTION * highest)
         notes = tuple((f"{x:.3g}{unit_of_x} {size:.3g}", x, size) for x, size in tops)
         panels.append(
             Panel(
@@ -153,14 +163,15 @@ def spectrum(
     return panels
 
 
-def _peaks(across: Values, row: Values, minimum: float) -> list[tuple[float, float]]:
-    """Return position and amplitude of the largest local maxima."""
-    sizes = [value or 0.0 for value in row]
-    tops = [
-        (sizes[k], x) for k in range(1, len(sizes) - 1)
-        if sizes[k - 1] < sizes[k] >= sizes[k + 1] and sizes[k] > minimum and (x := across[k]) is not None
-    ]  # fmt: skip
-    return [(x, size) for size, x in sorted(tops, reverse=True)[:MAX_LABELS]]
+def components(across: Values, row: Values, window: Window = HANN, minimum: float = 0.0) -> list[tuple[float, float]]:
+    """Return position and amplitude of the largest components, interpolated between the lines, the largest first."""
+    places = np.array([np.nan if value is None else value for value in across], dtype=np.float64)
+    sizes = np.array([value or 0.0 for value in row], dtype=np.float64)
+    inner = sizes[1:-1]
+    lines = np.flatnonzero((inner > sizes[:-2]) & (inner >= sizes[2:]) & (inner > minimum)) + 1
+    lines = lines[np.argsort(-sizes[lines], kind="stable")][:MAX_LABELS]
+    found = [(line, *window.component(sizes, line)) for line in lines.tolist()]
+    return [(float(places[line] + offset * (places[1] - places[0])), size) for line, offset, size in found]
 
 
 def _places(ramp: RampCurve, probe: int, zero: float) -> list[tuple[float, float, float]]:

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from scipy.signal.windows import flattop
 
 from analysis.signals.header import WindowName
+from analysis.spectra.order_map import order_spectrum
 from analysis.spectra.windows import FLAT_TOP, HANN, UNIFORM, WINDOWS, Window
 
 POINTS = 1024
@@ -91,3 +92,14 @@ def test_window_without_interpolation_is_refused() -> None:
 )
 def test_clear_lines_lie_beyond_the_main_lobes(window: Window, revolutions: int, expected: list[int]) -> None:
     assert np.flatnonzero(window.clear_lines(revolutions + 1, revolutions)).tolist() == expected
+
+
+@pytest.mark.parametrize("order", [0.17, 0.43, 0.49, 0.5, 0.80, 1.0, 1.21875])
+def test_component_between_lines_has_its_order_and_amplitude(order: float) -> None:
+    waveform = 41.6 * np.cos(2 * np.pi * order * np.arange(16 * 64) / 64 + 0.4)
+    sizes = np.abs(order_spectrum(waveform, 16)[1])
+    line = int(np.argmax(sizes))
+    offset, size = HANN.component(sizes, line)
+    assert (line + offset) / 16 == pytest.approx(order, abs=0.002)
+    assert size == pytest.approx(41.6, rel=0.01)
+    assert FLAT_TOP.component(sizes, line) == (0.0, sizes[line])

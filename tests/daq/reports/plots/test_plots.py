@@ -9,6 +9,7 @@ import pytest
 from analysis.signals.blocks import RampDirection
 from analysis.signals.snapshot import OVERALL
 from analysis.signals.units import RPM
+from analysis.spectra.order_map import order_spectrum
 from analysis.vectors.speed_curve import SpeedRow
 from daq.reports.kinds.recorded import ramp_curves
 from daq.reports.kinds.vectors import PEAK_UNIT
@@ -111,3 +112,15 @@ def test_spectrum_labels_largest_lines() -> None:
         sizes[int(16 * order)] = size
     (panel,) = spectrum("title", "order", "µm", orders, [("", sizes)])
     assert [words for words, _, _ in panel.notes] == ["1X 20", "0.5X 12"], "what is below a hundredth is not"
+
+
+def test_labels_of_a_spectrum_are_interpolated_between_its_lines() -> None:
+    turns = np.arange(16 * 64) / 64
+    waveform = 41.6 * np.cos(2 * np.pi * 0.17 * turns) + 20.0 * np.cos(2 * np.pi * turns)
+    orders, lines = order_spectrum(waveform, 16)
+    (panel,) = spectrum("", "order", "µm", orders.tolist(), [("x", np.abs(lines).tolist())])
+    label, place, size = panel.notes[0]
+    assert orders[int(np.argmax(np.abs(lines)))] == 0.1875
+    assert place == pytest.approx(0.17, abs=0.001)
+    assert size == pytest.approx(41.6, rel=0.01)
+    assert label.startswith("0.17X 41")
