@@ -223,16 +223,16 @@ def test_vectors_over_speed_equal_library_results_for_run_up_and_run_down(
 def test_slow_roll_parameter_subtracts_run_out(bench: RecordedBench, reader: RunReader) -> None:
     record = angular_record_from_codes(*whole(reader))
     begin = int(np.argmax(record.times > 0.7))
-    roll = slow_roll(record.section(0, begin), 0.0, 1550.0 * RPM)
-    found = npz_columns(bench, "slow-roll", slow_roll_rpm=1550)
+    roll = slow_roll(record.section(0, begin), 0.0, 1650.0 * RPM)
+    found = npz_columns(bench, "slow-roll", slow_roll_rpm=1650)
     close(found["runout_x_um"], roll.waveform[0] / MICROMETRE, rtol=0.02, atol=0.03)
     assert np.ptp(found["runout_x_um"]) > 3.0
     parameters = {"order": 1.0, "duration_s": 3.0}
     measured = npz_columns(bench, "bode", **parameters)
-    left = npz_columns(bench, "bode", **parameters, slow_roll_rpm=1550)
+    left = npz_columns(bench, "bode", **parameters, slow_roll_rpm=1650)
     vectors = [one["amplitude_peak_x_um"] * np.exp(-1j * np.radians(one["lag_x_deg"])) for one in (measured, left)]
     np.testing.assert_allclose((vectors[0] - vectors[1]) * MICROMETRE, roll.vectors(1)[0], atol=0.06e-6)
-    answer = bench.get("/analyses/bode", slow_roll_rpm=1550, format="svg")
+    answer = bench.get("/analyses/bode", slow_roll_rpm=1650, format="svg")
     assert "compensated" in answer.text
 
 
