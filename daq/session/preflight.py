@@ -62,7 +62,7 @@ class Capture:
 
     @property
     def ticks(self) -> NDArray[np.int64] | None:
-        """Counter stamps of the tacho's edges; None where a block has none."""
+        """Counter timestamps of the tacho's edges; None where a block has none."""
         stamped = [block.ticks for block in self.blocks if block.ticks is not None]
         return np.concatenate(stamped) if stamped and len(stamped) == len(self.blocks) else None
 

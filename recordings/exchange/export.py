@@ -2,20 +2,20 @@
 
 import json
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
 from analysis.signals.blocks import SegmentEnd
 from analysis.signals.header import Channel
 from analysis.signals.snapshot import Snapshot
-from analysis.signals.units import LENGTH, MICROMETRE, RPM, phase_lag_degrees, readings
+from analysis.signals.units import LENGTH, MICROMETRE, readings
 from recordings.errors import ForeignFormatError
 from recordings.exchange.table import Column, Table
 from recordings.file_operations import Progress, ignore_progress
 from recordings.mcap.header import to_json
 from recordings.mcap.layout import sample_time_ns
 from recordings.mcap.reader import RunReader
+from recordings.mcap.results import features_message, stored_number
 
 CHUNK_SAMPLES = 2_000_000  # per channel, read at a time
 MAX_SAMPLES = 50_000_000
@@ -118,7 +118,7 @@ def results_table(
     lengths = {end.segment: end.samples / reader.header.acquisition.rate for end in reader.segment_ends}
     for snapshot in reader.snapshots():
         if start <= snapshot.time < stop and segment in (None, snapshot.segment):
-            rows.append(list(_row(snapshot)))
+            rows.append(_row(snapshot))
         before = sum(length for number, length in lengths.items() if number < snapshot.segment)
         on_progress(min(1.0, (before + snapshot.time) / max(reader.duration, 1e-9)))
     if not rows:
@@ -193,25 +193,11 @@ def _properties(reader: RunReader) -> dict[str, str]:
     return properties
 
 
-def _row(snapshot: Snapshot) -> Iterator[float]:
-    """Yield the values of a snapshot in the order of `RESULT_UNITS`."""
-    yield from (snapshot.segment, snapshot.time, snapshot.speed / RPM)
-    yield from snapshot.gap_volts
-    yield from (snapshot.overall / MICROMETRE).ravel()
-    frame = snapshot.frame
-    if frame is None:
-        yield from [math.nan] * 20
-        return
-    for vector in frame.vectors.ravel().tolist():
-        yield from _polar(vector)
-    whirls = [(whirl.order, whirl.amplitude / MICROMETRE, whirl.sigma / MICROMETRE) for whirl in frame.whirls[:2]]
-    (order, amplitude, sigma), second = [*whirls, *[(math.nan,) * 3] * 2][:2]
-    yield from (order, amplitude, frame.noise / MICROMETRE)
-    for vector in [complex(math.nan)] * 2 if frame.compensated is None else frame.compensated[0].tolist():
-        yield from _polar(vector)
-    yield from (*(frame.sigma / MICROMETRE).tolist(), sigma, *second[:2])
-
-
-def _polar(vector: complex) -> tuple[float, float]:
-    """Return amplitude, µm peak, and phase lag, degrees."""
-    return abs(vector) / MICROMETRE, phase_lag_degrees(vector)
+def _row(snapshot: Snapshot) -> list[float]:
+    """Return the values of a snapshot in the order of `RESULT_UNITS`."""
+    features = features_message(snapshot)
+    values = {name: stored_number(features, name) for name in RESULT_UNITS if not name.startswith("second")}
+    if snapshot.frame is not None and len(snapshot.frame.whirls) > 1:
+        second = snapshot.frame.whirls[1]
+        values |= {"second_whirl_order": second.order, "second_whirl_um": second.amplitude / MICROMETRE}
+    return [values.get(name, math.nan) for name in RESULT_UNITS]

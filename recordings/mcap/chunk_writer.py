@@ -38,6 +38,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 
 from recordings.errors import StorageError
+from recordings.file_operations import storage_errors
 
 SYNC_INTERVAL = 1.0
 """Seconds between two fsync calls: a power failure loses at most so much of a run."""
@@ -71,14 +72,13 @@ class AppendOnlyFile:
     """
 
     def __init__(self, path: Path) -> None:
-        try:
-            self._file = io.FileIO(path, "xb")
-        except FileExistsError as error:
-            raise StorageError(f"{path}: exists already; runs are never overwritten") from error
-        except FileNotFoundError as error:
-            raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be created: {error.strerror or error}") from error
+        with storage_errors(path, "cannot be created"):
+            try:
+                self._file = io.FileIO(path, "xb")
+            except FileExistsError as error:
+                raise StorageError(f"{path}: exists already; runs are never overwritten") from error
+            except FileNotFoundError as error:
+                raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
         self._path = path
         self._length = 0
         self._committed = 0

@@ -27,6 +27,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from recordings.errors import DamagedError, NotFoundError, StorageError
+from recordings.file_operations import storage_errors
 
 INDEX = np.dtype([("start_ns", "<u8"), ("end_ns", "<u8"), ("offset", "<u8"), ("length", "<u8"), ("index_bytes", "<u4")])
 """First fields of a chunk index record; the id and the offset of each channel follow."""
@@ -209,12 +210,11 @@ class Container:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.Lock()
-        try:
-            self._file = path.open("rb", buffering=0)
-        except FileNotFoundError as error:
-            raise NotFoundError(f"{path}: there is no such file") from error
-        except OSError as error:
-            raise StorageError(f"{path}: cannot be read: {error.strerror or error}") from error
+        with storage_errors(path, "cannot be read"):
+            try:
+                self._file = path.open("rb", buffering=0)
+            except FileNotFoundError as error:
+                raise NotFoundError(f"{path}: there is no such file") from error
         try:
             self.size = self._file.seek(0, os.SEEK_END)
             self._summary_start, self._summary_stop = self._find_summary()
@@ -265,14 +265,11 @@ class Container:
 
     def read(self, offset: int, length: int) -> bytes:
         """Return bytes of the file, fewer at its end; StorageError."""
-        try:
-            with self._lock:
-                if self._file.closed:
-                    raise StorageError(f"{self.path}: cannot be read: it has been closed")
-                self._file.seek(offset)
-                return self._file.read(length)
-        except OSError as error:
-            raise StorageError(f"{self.path}: cannot be read: {error.strerror or error}") from error
+        with storage_errors(self.path, "cannot be read"), self._lock:
+            if self._file.closed:
+                raise StorageError(f"{self.path}: cannot be read: it has been closed")
+            self._file.seek(offset)
+            return self._file.read(length)
 
     def _check_magic(self) -> None:
         if self.size == 0:

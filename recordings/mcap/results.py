@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult
     list of EncodedResult
         The order frame, if any, and the features, in the order of writing.
     """
-    messages: list[tuple[str, rig_pb2.OrderFrame | rig_pb2.Features]] = [(FEATURES, _features(snapshot))]
+    messages: list[tuple[str, rig_pb2.OrderFrame | rig_pb2.Features]] = [(FEATURES, features_message(snapshot))]
     if snapshot.frame is not None:
         messages.insert(0, (ORDER_FRAME, _order_frame(snapshot, snapshot.frame)))
     log_time_ns = header.started_ns + round(snapshot.time * NANOSECONDS)
@@ -100,7 +101,9 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
         ),
         gap_volts=_floats([features.gap_x_v, features.gap_y_v]),
         gap_in_window=np.array([features.gap_x_ok, features.gap_y_ok], dtype=np.bool_),
-        overall=np.array([[_stored(features, f"{row.name}_{probe}_m") for probe in "xy"] for row in OVERALL.rows]),
+        overall=np.array(
+            [[stored_number(features, f"{row.name}_{probe}_m") for probe in "xy"] for row in OVERALL.rows]
+        ),
         clipped=np.array(features.clipped, dtype=np.int64),
         frame=None if frame is None else _decoded_frame(frame),
         trace=Trace(time=np.empty(0), displacement=np.empty((2, 0)), tacho=np.empty(0)),
@@ -109,9 +112,15 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
     )
 
 
-def _features(snapshot: Snapshot) -> rig_pb2.Features:
+def features_message(snapshot: Snapshot) -> rig_pb2.Features:
+    """Return the numbers of a snapshot in the units of their names."""
     tacho = snapshot.tacho
-    message = rig_pb2.Features(
+    overall = [
+        (f"{measure.name}_{probe}", value)
+        for measure, values in zip(OVERALL.rows, snapshot.overall.tolist(), strict=True)
+        for probe, value in zip("xy", values, strict=True)
+    ]
+    return rig_pb2.Features(
         segment=snapshot.segment,
         sample=snapshot.sample,
         time_s=snapshot.time,
@@ -131,17 +140,13 @@ def _features(snapshot: Snapshot) -> rig_pb2.Features:
         beyond_calibration=snapshot.outside_calibration.tolist(),
         has_order_frame=snapshot.frame is not None,
         counter=None if snapshot.counter is None else _check(snapshot.counter),
+        **{f"{name}_m": value for name, value in overall},
+        **{f"{name}_um": value / MICROMETRE for name, value in overall},
+        **({} if snapshot.frame is None else _order_fields(snapshot.frame)),
     )
-    for measure, values in zip(OVERALL.rows, snapshot.overall.tolist(), strict=True):
-        for probe, value in zip("xy", values, strict=True):
-            setattr(message, f"{measure.name}_{probe}_m", value)
-            setattr(message, f"{measure.name}_{probe}_um", value / MICROMETRE)
-    if snapshot.frame is not None:
-        _add_orders(message, snapshot.frame)
-    return message
 
 
-def _stored(message: rig_pb2.Features, name: str) -> float:
+def stored_number(message: rig_pb2.Features, name: str) -> float:
     """Return a number of a message; NaN if it is missing, as in older files."""
     is_missing = message.DESCRIPTOR.fields_by_name[name].has_presence and not message.HasField(name)
     return math.nan if is_missing else float(getattr(message, name))
@@ -175,25 +180,30 @@ def _decoded_check(message: rig_pb2.CounterCheck) -> CounterReport:
     )
 
 
-def _add_orders(message: rig_pb2.Features, frame: OrderFrame) -> None:
-    (x_1x, y_1x), (x_2x, y_2x) = frame.vectors.tolist()
-    message.x_1x_um, message.x_1x_lag_deg = abs(x_1x) / MICROMETRE, phase_lag_degrees(x_1x)
-    message.y_1x_um, message.y_1x_lag_deg = abs(y_1x) / MICROMETRE, phase_lag_degrees(y_1x)
-    message.x_2x_um, message.x_2x_lag_deg = abs(x_2x) / MICROMETRE, phase_lag_degrees(x_2x)
-    message.y_2x_um, message.y_2x_lag_deg = abs(y_2x) / MICROMETRE, phase_lag_degrees(y_2x)
-    message.noise_um = frame.noise / MICROMETRE
-    message.sigma_1x_um, message.sigma_2x_um = (frame.sigma / MICROMETRE).tolist()
-    message.x_1x_lag_sigma_deg, message.y_1x_lag_sigma_deg = np.degrees(frame.phase_sigma[0]).tolist()
-    message.whirls = len(frame.whirls)
-    if frame.whirl is not None:
-        message.whirl_order = frame.whirl.order
-        message.whirl_um = frame.whirl.amplitude / MICROMETRE
-        message.whirl_is_forward = frame.whirl.is_forward
-        message.whirl_sigma_um = frame.whirl.sigma / MICROMETRE
+def _order_fields(frame: OrderFrame) -> dict[str, Any]:
+    names = ("x_1x", "y_1x", "x_2x", "y_2x", "x_1x_compensated", "y_1x_compensated")
+    vectors = frame.vectors.ravel().tolist()
     if frame.compensated is not None and np.isfinite(frame.compensated[0]).all():
-        x, y = frame.compensated[0].tolist()
-        message.x_1x_compensated_um, message.x_1x_compensated_lag_deg = abs(x) / MICROMETRE, phase_lag_degrees(x)
-        message.y_1x_compensated_um, message.y_1x_compensated_lag_deg = abs(y) / MICROMETRE, phase_lag_degrees(y)
+        vectors += frame.compensated[0].tolist()
+    x_sigma, y_sigma = np.degrees(frame.phase_sigma[0]).tolist()
+    fields = {
+        "noise_um": frame.noise / MICROMETRE,
+        "sigma_1x_um": frame.sigma[0] / MICROMETRE,
+        "sigma_2x_um": frame.sigma[1] / MICROMETRE,
+        "x_1x_lag_sigma_deg": x_sigma,
+        "y_1x_lag_sigma_deg": y_sigma,
+        "whirls": len(frame.whirls),
+    }
+    for name, vector in zip(names, vectors, strict=False):
+        fields |= {f"{name}_um": abs(vector) / MICROMETRE, f"{name}_lag_deg": phase_lag_degrees(vector)}
+    if frame.whirl is not None:
+        fields |= {
+            "whirl_order": frame.whirl.order,
+            "whirl_um": frame.whirl.amplitude / MICROMETRE,
+            "whirl_is_forward": frame.whirl.is_forward,
+            "whirl_sigma_um": frame.whirl.sigma / MICROMETRE,
+        }
+    return fields
 
 
 def _order_frame(snapshot: Snapshot, frame: OrderFrame) -> rig_pb2.OrderFrame:
