@@ -6,6 +6,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from fastapi import FastAPI
+from fastapi.middleware import Middleware
 from fastapi.middleware.cors import CORSMiddleware
 from fastapi.staticfiles import StaticFiles
 
@@ -88,6 +89,7 @@ def create_app(
         exception_handlers=EXCEPTION_HANDLERS,
         generate_unique_id_function=lambda route: route.name,
         lifespan=_lifespan,
+        middleware=_middleware(host, token, frozenset(cors_origins)),
     )
     app.state.service = state
     app.state.viewer_url = viewer_url
@@ -103,20 +105,25 @@ def create_app(
     app.include_router(pages.router)
     app.mount("/console", StaticFiles(directory=pages.CONSOLE))
     _complete_schema(app.openapi(), with_token=token is not None)
-    origins = frozenset(cors_origins)
-    app.add_middleware(UnhandledErrorMiddleware)
-    app.add_middleware(AccessControlMiddleware, host=host, token=token, origins=origins)
-    if origins:
-        app.add_middleware(
-            CORSMiddleware,
-            allow_origins=tuple(origins),
-            allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
-            allow_headers=("Authorization", "Content-Type", "If-Match", "If-None-Match", "If-Range", "Range"),
-            expose_headers=("ETag", "Content-Disposition", "Content-Range", "Retry-After", "Location"),
-        )
-    app.add_middleware(HeadAsGetMiddleware)
-    app.add_middleware(SecurityHeadersMiddleware)
     return app
+
+
+def _middleware(host: str, token: str | None, origins: frozenset[str]) -> list[Middleware]:
+    """Return the middleware, the outermost first."""
+    cors = Middleware(
+        CORSMiddleware,
+        allow_origins=tuple(origins),
+        allow_methods=("GET", "HEAD", "POST", "PATCH", "PUT", "DELETE"),
+        allow_headers=("Authorization", "Content-Type", "If-Match", "If-None-Match", "If-Range", "Range"),
+        expose_headers=("ETag", "Content-Disposition", "Content-Range", "Retry-After", "Location"),
+    )
+    return [
+        Middleware(SecurityHeadersMiddleware),
+        Middleware(HeadAsGetMiddleware),
+        *([cors] if origins else []),
+        Middleware(AccessControlMiddleware, host=host, token=token, origins=origins),
+        Middleware(UnhandledErrorMiddleware),
+    ]
 
 
 @asynccontextmanager

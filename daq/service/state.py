@@ -216,7 +216,7 @@ class ServiceState:
         self.curves = LiveStream(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
 
 
-def service_state(connection: HTTPConnection) -> ServiceState:
+async def service_state(connection: HTTPConnection) -> ServiceState:  # async: FastAPI runs others in a thread
     """Return the state of the application of a request or socket."""
     state: ServiceState = connection.app.state.service
     return state
