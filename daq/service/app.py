@@ -34,7 +34,8 @@ DISTRIBUTION: Final = "rig-service"
 API_DESCRIPTION: Final = (
     "Recorded runs of a rotor test rig, their results, and the live values of the current run. "
     "Field names include the unit; amplitudes are peak (zero-to-peak) or peak-to-peak as named; phases are lags after "
-    "the tacho mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals."
+    "the tacho mark in degrees, 0 to 360; x and y are the two probes. Numbers are rounded to four decimals, those of "
+    "analyses to nine digits."
 )
 OPENAPI_TAGS: Final = [
     {"name": "runs", "description": "Recorded runs"},

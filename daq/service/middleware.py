@@ -75,7 +75,8 @@ class AccessControlMiddleware:
     """Middleware that rejects requests by host name, token and origin, before any route runs.
 
     A service bound to loopback accepts only requests whose Host header is a loopback name. A foreign page whose name
-    resolves to this machine (DNS rebinding) sends its own name, and is rejected.
+    resolves to this machine (DNS rebinding) sends its own name, and is rejected. Starlette's TrustedHostMiddleware
+    knows no tokens and no origins, and responds with 400 in plain text.
 
     Parameters
     ----------

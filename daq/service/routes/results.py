@@ -132,9 +132,8 @@ def _add_analysis(name: str, kind: AnalysisKind) -> None:
         state: State, request: Request, run: EndedRun, query: Annotated[AnalysisQuery, Query()]
     ) -> Response:
         file_format = AnalysisFormat(query.format or _accepted_format(request, ANALYSIS_FORMATS))
-        return await _result(
-            state, request, run, f"{ANALYSIS_PREFIX}{name}", query.model_copy(update={"format": file_format})
-        )
+        query = query.model_copy(update={"format": file_format})
+        return await _result(state, request, run, f"{ANALYSIS_PREFIX}{name}", query)
 
     analyse.__annotations__["query"] = Annotated[kind.parameters, Query()]
     analyses_router.get(
@@ -188,7 +187,7 @@ def _headers(request: Request, run: RunEntry, name: str, file_format: str) -> di
 
 
 async def _result(state: ServiceState, request: Request, run: RunEntry, name: str, query: QueryParameters) -> Response:
-    """Return a result, computed and compressed in a worker process."""
+    """Return a result, computed and compressed in a worker process: GZipMiddleware would do that beside acquisition."""
     file_format = query.format if isinstance(query, AnalysisQuery) else None
     headers = _headers(request, run, name, file_format or AnalysisFormat.JSON)
     compute = partial(state.results.result, run, name, query, gzipped="Content-Encoding" in headers)
