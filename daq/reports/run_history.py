@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -123,19 +122,23 @@ def file_status(path: Path) -> os.stat_result:
         raise NotFoundError(f"{path}: file not found") from error
 
 
-def load_history(path: Path) -> RunHistory:
-    """Return the history of a run's file, cached until it changes; RecordingError where it cannot be read."""
+_histories: dict[tuple[Path, int, int], RunHistory] = {}
+
+
+def load_history(path: Path, on_progress: OnProgress | None = None) -> RunHistory:
+    """Return the history of a run's file, kept until it changes; RecordingError where it cannot be read."""
     status = file_status(path)
-    return _read(path, status.st_size, status.st_mtime_ns)
+    key = path, status.st_size, status.st_mtime_ns
+    if key not in _histories:
+        found = _read(path, on_progress)
+        if len(_histories) >= HISTORY_CACHE_SIZE:
+            del _histories[next(iter(_histories))]
+        _histories[key] = found
+    return _histories[key]
 
 
-@lru_cache(maxsize=HISTORY_CACHE_SIZE)
-def _read(path: Path, _size: int, _changed_ns: int) -> RunHistory:
-    return read_history(path)
-
-
-def read_history(path: Path, on_progress: OnProgress | None = None) -> RunHistory:
-    """Return the history of a run's file, not cached; ``on_progress`` receives the fraction done, 0 to 1."""
+def _read(path: Path, on_progress: OnProgress | None) -> RunHistory:
+    """Return the history of a run's file; ``on_progress`` receives the fraction done, 0 to 1."""
     rows: list[tuple[float, ...]] = []
     vectors: list[ComplexArray] = []
     none = np.full(2, complex(np.nan, np.nan))

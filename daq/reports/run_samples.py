@@ -23,7 +23,7 @@ from analysis.vectors.runout import SlowRoll, slow_roll
 from daq.reports.analysis_result import ProgressCallback
 from daq.reports.errors import DataNotFoundError, InsufficientDataError, RequestTooLargeError, translated_errors
 from daq.reports.parameters import FrameAnalysisQuery, FrameQuery, ShaftAngleIntervalQuery
-from daq.reports.run_history import RunHistory, load_history, read_history, run_snapshots, snapshot_at
+from daq.reports.run_history import RunHistory, load_history, run_snapshots, snapshot_at
 from recordings.mcap.reader import RunReader
 
 FloatArray = NDArray[np.float64]
@@ -203,11 +203,9 @@ class RunSamples:
     def history(self) -> RunHistory:
         """Return the results of the run: recorded, or from analysing the samples again."""
         if self._history is None:
-            path = self._reader.path
             is_recorded = self._reader.is_complete and self._reader.skipped_samples == 0
-            self._history = (
-                load_history(path) if is_recorded else read_history(path, partial(self._on_progress, "analysing"))
-            )
+            on_progress = None if is_recorded else partial(self._on_progress, "analysing")
+            self._history = load_history(self._reader.path, on_progress)
         return self._history
 
     def _history_with_speed(self) -> RunHistory:

@@ -25,7 +25,7 @@ from daq.errors import ConfigError, UsageError
 from daq.reports.analysis_result import ProgressCallback
 from daq.reports.export import encode_analysis, run_analysis
 from daq.reports.parameters import AnalysisFormat, AnalysisQuery, QueryParameters
-from daq.reports.run_history import read_history
+from daq.reports.run_history import load_history
 from daq.reports.run_summaries import Summaries
 from daq.schemas.checks import RecoverySchema, VerificationSchema
 from daq.schemas.live import predicted_vibration_schema
@@ -195,7 +195,7 @@ def rig_from_toml(text: RigFromToml) -> Rig:
 def result_job(report: ProgressCallback, _target: Path, catalogue: Catalogue, request: ResultRequest) -> Schema:
     """Return the result of a run that its REST path returns."""
     path = catalogue.path(request.run)
-    history = read_history(path, partial(report, "reading"))
+    history = load_history(path, partial(report, "reading"))
     report("putting together", None)
     return result_schema(result_query(request), history)
 

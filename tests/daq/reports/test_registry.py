@@ -320,6 +320,18 @@ def test_samples_read_in_chunks_give_equal_record(reader: RunReader) -> None:
     assert pieces.clipped == once.clipped
 
 
+def test_truncated_run_is_analysed_again_once(bench: RecordedBench, tmp_path: Path) -> None:
+    content = (bench.folder / f"{RUN}.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(content[: len(content) // 2])
+    tasks: list[str] = []
+    with RunReader(tmp_path / "cut.mcap") as cut:
+        first = RunSamples(cut, lambda task, _fraction: tasks.append(task)).history()
+        assert set(tasks) == {"analysing"}
+        tasks.clear()
+        assert RunSamples(cut, lambda task, _fraction: tasks.append(task)).history() is first
+    assert tasks == []
+
+
 def test_time_interval_returns_part_of_run(bench: RecordedBench) -> None:
     part = npz_columns(bench, "bifurcation", from_s=2.0, duration_s=1.0)
     everything = npz_columns(bench, "bifurcation")
