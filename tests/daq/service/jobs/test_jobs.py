@@ -257,9 +257,10 @@ def test_deleted_job_is_cancelled_and_the_next_one_runs(bench: RecordedBench) ->
 
 
 def test_result_of_a_failed_or_unfinished_job_is_a_conflict(bench: RecordedBench) -> None:
+    slow = start_job(bench, kind="prediction", run=LONG, viscosity_pa_s=0.0124)
     failing = start_job(bench, kind="export", run=RUN, format="csv", segment=7)
-    waiting = start_job(bench, kind="result", run=RUN, path="findings")
-    assert problem(bench.client.get(f"{waiting}/result")) == (409, "no-result")
+    assert problem(bench.client.get(f"{failing}/result")) == (409, "no-result")
+    bench.client.delete(slow)
     failed = wait_for_job(bench, failing)
     assert failed.state == "failed"
     assert "segment 7" in failed.detail
