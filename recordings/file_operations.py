@@ -1,6 +1,7 @@
-"""File operations: atomic writes, moves that never overwrite, translation of operating system errors, progress."""
+"""File operations: atomic writes, moves that never overwrite, free space, operating system errors, progress."""
 
 import secrets
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -25,6 +26,15 @@ def storage_errors(path: Path, problem: str = "cannot be written") -> Iterator[N
         yield
     except OSError as error:
         raise StorageError(f"{path}: {problem}: {error.strerror or error}") from error
+
+
+def free_bytes(folder: Path) -> int:
+    """Return the free space on the disk of a folder that exists or will be created, bytes; StorageError if unknown."""
+    existing = folder.absolute()
+    while not existing.exists() and existing != existing.parent:
+        existing = existing.parent
+    with storage_errors(existing, "free space cannot be determined"):
+        return shutil.disk_usage(existing).free
 
 
 @contextmanager

@@ -210,8 +210,8 @@ class ServiceState:
 
     def __post_init__(self) -> None:
         self.uploads = UploadStore(self.catalogue.folder)
-        self.recording_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_RECORDING_SIZE)
-        self.upload_receiver = UploadReceiver(self.catalogue.free_bytes, MAX_UPLOAD_SIZE)
+        self.recording_receiver = UploadReceiver(MAX_RECORDING_SIZE)
+        self.upload_receiver = UploadReceiver(MAX_UPLOAD_SIZE)
         self.values = LiveStream(self.live, live_schema, VALUES_INTERVAL, self.closing)
         self.curves = LiveStream(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
 

@@ -24,6 +24,7 @@ from recordings.catalogue.incoming_run import IncomingRun
 from recordings.errors import RunExistsError
 from recordings.exchange.formats import IMPORT_FORMATS
 from recordings.exchange.table import Column, Table
+from recordings.file_operations import free_bytes
 
 ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 MAX_UPLOADS: Final = 16
@@ -213,16 +214,13 @@ class UploadReceiver:
 
     Parameters
     ----------
-    free_bytes : callable
-        Returns the free disk space, bytes.
     max_size : int
         Maximum size of one file, bytes.
     chunk_timeout : float
         Maximum time for a chunk of 64 KiB, s.
     """
 
-    def __init__(self, free_bytes: Callable[[], int], max_size: int, chunk_timeout: float = CHUNK_TIMEOUT) -> None:
-        self._free_bytes = free_bytes
+    def __init__(self, max_size: int, chunk_timeout: float = CHUNK_TIMEOUT) -> None:
         self._max_size = max_size
         self._chunk_timeout = chunk_timeout
         self._threads = CapacityLimiter(MAX_CONCURRENT)
@@ -245,7 +243,7 @@ class UploadReceiver:
         ProblemError, StorageError
             The body is rejected; no file is left.
         """
-        limit = min(self._max_size, await to_thread.run_sync(self._free_bytes) - DISK_RESERVE)
+        limit = min(self._max_size, await to_thread.run_sync(free_bytes, path.parent) - DISK_RESERVE)
         sent = request.headers.get("content-length", "0")
         if sent.isdecimal() and int(sent) > limit:
             raise ProblemError(

@@ -1,7 +1,6 @@
 """Preflight checks: a short capture of samples, and the card, calibrations, disk and planned speed, each judged."""
 
 import datetime as dt
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from daq.config.schema import Backend
 from daq.drivers.factory import open_source
 from daq.drivers.ni import self_test
 from daq.errors import DeviceError, DeviceFault
+from recordings.file_operations import free_bytes
 
 RATE_TOLERANCE = 1e-3  # relative, between the configured rate and the card's: more makes the frequency axis wrong
 BYTES_PER_SAMPLE = 2
@@ -345,13 +345,5 @@ def run_preflight_checks(rig: Rig, plan: PlannedRun, today: dt.date, on_progress
     checks += [planned_speed_check(rig, speed), speed_limit_check(rig.tacho, speed)]
     checks += calibration_checks(rig, today)
     rate = rig.config.timing.rate_hz if acquisition is None else acquisition.rate
-    checks.append(disk_check(_free_bytes(plan.folder), rig, rate, plan.duration))
+    checks.append(disk_check(free_bytes(plan.folder), rig, rate, plan.duration))
     return PreflightReport(acquisition, tuple(checks), device_error)
-
-
-def _free_bytes(folder: Path) -> int:
-    """Return the free bytes on the disk of a folder that exists or will be created."""
-    existing = folder.absolute()
-    while not existing.exists() and existing != existing.parent:
-        existing = existing.parent
-    return shutil.disk_usage(existing).free

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -261,14 +260,6 @@ class Catalogue:
             if not path.exists():
                 break
         return run_id, path
-
-    def free_bytes(self) -> int:
-        """Return the free space on the folder's disk, bytes; StorageError if it cannot be determined."""
-        folder = self.folder.absolute()
-        while not folder.exists() and folder != folder.parent:
-            folder = folder.parent
-        with storage_errors(folder, "free space cannot be determined"):
-            return shutil.disk_usage(folder).free
 
     def load_cached(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a cached result of a run; None if there is none for the file in its present state."""

@@ -5,7 +5,7 @@ from typing import Self
 
 import pytest
 
-from recordings.file_operations import atomic_write, replace_with_retry
+from recordings.file_operations import atomic_write, free_bytes, replace_with_retry
 
 
 def test_temporary_file_replaces_the_file_at_the_end(tmp_path: Path) -> None:
@@ -60,3 +60,7 @@ def test_file_that_stays_in_use_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(PermissionError, match="used by another process"):
         replace_with_retry(file, tmp_path / "map.npz")
     assert file.moved == []
+
+
+def test_free_space_is_known_before_the_folder_exists(tmp_path: Path) -> None:
+    assert free_bytes(tmp_path / "a" / "b") > 0

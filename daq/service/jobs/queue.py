@@ -22,7 +22,8 @@ from daq.service.uploads import delete_abandoned
 from daq.session.processes import WorkerProcess
 from model.errors import ModelError
 from recordings.catalogue.catalogue import Catalogue
-from recordings.errors import RecordingError, StorageError
+from recordings.errors import RecordingError
+from recordings.file_operations import storage_errors
 
 MAX_UNFINISHED_JOBS: Final = 8
 MAX_JOBS: Final = 32
@@ -169,7 +170,8 @@ class JobQueue:
             self._update(job_id, state=JobState.RUNNING, started_at=datetime.now(UTC))
         target = self._folder / job_id / task.file
         try:
-            _create_folder(target.parent)
+            with storage_errors(target.parent, "cannot be created"):
+                target.parent.mkdir(parents=True)
             worker.run(
                 perform, task, target, self._catalogue,
                 time_limit=self._time_limit, on_progress=partial(self._set_progress, job_id),
@@ -256,15 +258,5 @@ def perform(report: Callable[[str, float | None], None], task: Task, target: Pat
     content = task.work(report_progress, target, catalogue, task.request)
     if content is None:
         return
-    try:
+    with storage_errors(target):
         target.write_bytes(content if isinstance(content, bytes) else content.model_dump_json().encode())
-    except OSError as error:
-        raise StorageError(f"{target.name}: cannot be written: {error.strerror or error}") from error
-
-
-def _create_folder(folder: Path) -> None:
-    """Create the folder of a job's result; StorageError if that fails."""
-    try:
-        folder.mkdir(parents=True)
-    except OSError as error:
-        raise StorageError(f"{folder}: cannot be created: {error.strerror or error}") from error

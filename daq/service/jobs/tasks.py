@@ -4,7 +4,6 @@ Each function takes a `ProgressCallback`, the path of the result file, the catal
 content of the file unless it writes the file itself.
 """
 
-import shutil
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -79,7 +78,7 @@ from recordings.catalogue.catalogue import SUFFIX, Catalogue, RunEntry
 from recordings.errors import ForeignFormatError, RunExistsError, StorageError
 from recordings.exchange.export import pulses_table, results_table, samples_table
 from recordings.exchange.formats import write_table
-from recordings.file_operations import move_without_overwriting
+from recordings.file_operations import free_bytes, move_without_overwriting
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
 from recordings.mcap.reader import RunReader
@@ -245,7 +244,7 @@ def export_job(report: ProgressCallback, target: Path, catalogue: Catalogue, req
         table = EXPORT_TABLES[request.content](
             reader, **part, segment=request.segment, on_progress=partial(report, "reading")
         )
-    size, free = MAX_BYTES_PER_NUMBER * table.n_rows * len(table.columns), shutil.disk_usage(target.parent).free
+    size, free = MAX_BYTES_PER_NUMBER * table.n_rows * len(table.columns), free_bytes(target.parent)
     if size > free - DISK_RESERVE:
         raise StorageError(f"{target.name}: up to {size:,} bytes, expected at most {max(free - DISK_RESERVE, 0):,}")
     step = f"writing {table.n_rows:,} rows"

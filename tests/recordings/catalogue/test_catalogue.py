@@ -166,10 +166,6 @@ def test_rig_without_a_usable_name_gets_an_id(tmp_path: Path) -> None:
     assert run_id.endswith("-rig")
 
 
-def test_free_space_is_known_before_the_folder_exists(tmp_path: Path) -> None:
-    assert Catalogue(tmp_path / "a" / "b").free_bytes() > 0
-
-
 def test_results_are_cached_until_the_file_changes(tmp_path: Path, record: Callable[[str, int], Path]) -> None:
     path = record("run", SECOND)
     catalogue = Catalogue(tmp_path)
