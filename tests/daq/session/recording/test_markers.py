@@ -141,4 +141,4 @@ def test_marker_command_without_a_recording_reports_the_address(capsys: pytest.C
         assert main(["mark", "--port", port]) == 2
     finally:
         bench.close()
-    assert f"127.0.0.1:{port}: no route at" in capsys.readouterr().err  # it serves recorded runs alone
+    assert f"127.0.0.1:{port}: no run is being recorded" in capsys.readouterr().err
