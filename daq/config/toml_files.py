@@ -71,8 +71,8 @@ def toml_literal(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def read_text(path: Path) -> str:
-    """Return a TOML file's text.
+def read_text(path: Path, file_format: str = "TOML") -> str:
+    """Return the text of a file of a format, as named in messages.
 
     Raises
     ------
@@ -84,10 +84,12 @@ def read_text(path: Path) -> str:
     except FileNotFoundError as error:
         raise ConfigError(str(path), ["no such file"]) from error
     except UnicodeDecodeError as error:
-        raise ConfigError(str(path), [f"byte {error.start} is not UTF-8: expected a TOML text file"]) from error
+        raise ConfigError(
+            str(path), [f"byte {error.start} is not UTF-8: expected a {file_format} text file"]
+        ) from error
     except OSError as error:
         reason = "is a folder" if path.is_dir() else f"cannot be read ({error.strerror or error})"
-        raise ConfigError(str(path), [f"{reason}: expected a TOML file"]) from error
+        raise ConfigError(str(path), [f"{reason}: expected a {file_format} file"]) from error
 
 
 def read_tables(text: str, file: str) -> dict[str, object]:

@@ -13,6 +13,7 @@ from analysis.signals.header import CODE_MAX, CODE_MIN, Channel, Role
 from analysis.signals.units import MICROMETRE
 from daq.config.rig import Rig
 from daq.config.schema import Backend, ProfilePoint
+from daq.config.toml_files import read_text
 from daq.errors import DeviceError, DeviceFault, UsageError
 from daq.session.preflight import capture
 
@@ -112,15 +113,7 @@ def read_points(path: Path) -> list[CalibrationPoint]:
     UsageError
         There is no such file, or a line does not start with two numbers.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            text = file.read()
-    except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such file") from error
-    except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: byte {error.start} is not UTF-8, expected a text file") from error
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read ({error.strerror or error})") from error
+    text = read_text(path, "CSV")
     delimiter = ";" if ";" in text else "\t" if "\t" in text else ","
     points = []
     for number, fields in enumerate(csv.reader(text.splitlines(), delimiter=delimiter), start=1):

@@ -170,7 +170,7 @@ def test_step_that_cannot_be_measured_leaves_earlier_steps(
     ("arguments", "message"),
     [
         (["tacho"], "has no probe 'tacho': expected x or y"),
-        (["x", "--points", "nowhere.csv"], "nowhere.csv: no such file"),
+        (["x", "--points", "nowhere.csv"], "nowhere.csv: 1 error\n  no such file"),
         (["x", "--points", "POINTS"], "line 3: 'much,more': expected gap_um, volts"),
     ],
 )
