@@ -8,7 +8,7 @@ from typing import Final
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from daq.service.problems import ProblemType, problem_response
+from daq.service.problems import ProblemError, ProblemType, problem_response
 
 logger = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ PUBLIC_FOLDER: Final = "/console/"
 LOOPBACK_HOSTS: Final = frozenset({"localhost", "127.0.0.1", "[::1]"})
 
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-TOKEN_SUBPROTOCOL_PREFIX: Final = "token."  # noqa: S105 - a prefix, not a secret
+SUBPROTOCOL: Final = "token."
 
 
 def is_loopback(host: str) -> bool:
@@ -104,34 +104,29 @@ class AccessControlMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or respond with 421, 401 or 403."""
-        if scope["type"] not in {"http", "websocket"}:
-            await self._app(scope, receive, send)
-            return
-        headers, path = Headers(scope=scope), str(scope["path"])
-        rejection = self._rejection(scope, headers, path)
-        if rejection is None:
-            await self._app(scope, receive, send)
-        else:
-            problem_type, detail = rejection
-            await problem_response(problem_type, detail, path)(scope, receive, send)
+        if scope["type"] in {"http", "websocket"}:
+            try:
+                self._check(scope, Headers(scope=scope))
+            except ProblemError as error:
+                response = problem_response(error.problem_type, error.detail, scope["path"])
+                await response(scope, receive, send)
+                return
+        await self._app(scope, receive, send)
 
-    def _rejection(self, scope: Scope, headers: Headers, path: str) -> tuple[ProblemType, str] | None:
-        """Return problem type and detail of a rejected request; None if it is accepted."""
+    def _check(self, scope: Scope, headers: Headers) -> None:
+        """Raise ProblemError if the request is rejected."""
         name = host_without_port(headers.get("host", ""))
         if self._allowed_hosts is not None and name not in self._allowed_hosts:
-            return (
-                ProblemType.HOST_NOT_ALLOWED,
-                f"the request's host is {name!r}; expected one of {', '.join(sorted(self._allowed_hosts))}",
-            )
-        if self._token is not None and not is_public(path) and not self._has_valid_token(headers):
+            detail = f"the request's host is {name!r}; expected one of {', '.join(sorted(self._allowed_hosts))}"
+            raise ProblemError(ProblemType.HOST_NOT_ALLOWED, detail)
+        if self._token is not None and not is_public(scope["path"]) and not _has_token(headers, self._token):
             reason = "another token was given" if "authorization" in headers else "no token was given"
-            return ProblemType.TOKEN_REQUIRED, f"{reason}: send the header Authorization: Bearer <token>"
-        is_socket = scope["type"] == "websocket"
-        if not is_socket and scope["method"] in SAFE_METHODS:
-            return None
-        if not self._is_same_origin(headers):
-            return ProblemType.CROSS_SITE_REQUEST, f"the request comes from {headers.get('origin') or 'another site'}"
-        return None
+            detail = f"{reason}: send the header Authorization: Bearer <token>"
+            raise ProblemError(ProblemType.TOKEN_REQUIRED, detail)
+        is_safe = scope["type"] == "http" and scope["method"] in SAFE_METHODS
+        if not is_safe and not self._is_same_origin(headers):
+            detail = f"the request comes from {headers.get('origin') or 'another site'}"
+            raise ProblemError(ProblemType.CROSS_SITE_REQUEST, detail)
 
     def _is_same_origin(self, headers: Headers) -> bool:
         """Return whether the request comes from the service's own page, an allowed site, or no browser."""
@@ -140,20 +135,15 @@ class AccessControlMiddleware:
             return origin in self._origins or origin.partition("://")[2].lower() == headers.get("host", "").lower()
         return headers.get("sec-fetch-site", "none") in {"none", "same-origin"}
 
-    def _has_valid_token(self, headers: Headers) -> bool:
-        if self._token is None:
-            return True
-        scheme, _, token = headers.get("authorization", "").partition(" ")
-        protocols = (name.strip() for name in headers.get("sec-websocket-protocol", "").split(","))
-        sent = [  # a browser sends no Authorization header with a WebSocket, only subprotocols
-            *((token.strip(" "),) if scheme.lower() == "bearer" else ()),
-            *(
-                name.removeprefix(TOKEN_SUBPROTOCOL_PREFIX)
-                for name in protocols
-                if name.startswith(TOKEN_SUBPROTOCOL_PREFIX)
-            ),
-        ]
-        return any(hmac.compare_digest(one.encode("latin-1"), self._token) for one in sent)
+
+def _has_token(headers: Headers, token: bytes) -> bool:
+    """Return whether a request has the token: in Authorization, or in a WebSocket's subprotocols, as browsers do."""
+    scheme, _, sent = headers.get("authorization", "").partition(" ")
+    protocols = [name.strip() for name in headers.get("sec-websocket-protocol", "").split(",")]
+    candidates = [name.removeprefix(SUBPROTOCOL) for name in protocols if name.startswith(SUBPROTOCOL)]
+    if scheme.lower() == "bearer":
+        candidates.append(sent.strip(" "))
+    return any(hmac.compare_digest(each.encode("latin-1"), token) for each in candidates)
 
 
 def _host_header_form(host: str) -> str:

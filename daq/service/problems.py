@@ -24,6 +24,7 @@ from recordings.errors import (
     DamagedError,
     NotFoundError,
     RecordingError,
+    RunExistsError,
     StorageError,
     UnknownFormatError,
 )
@@ -352,6 +353,7 @@ PROBLEMS_BY_ERROR: Final[dict[type[Exception], ProblemType]] = {
     DamagedError: ProblemType.RUN_DAMAGED,
     UnknownFormatError: ProblemType.RUN_FORMAT_UNKNOWN,
     AnnotationError: ProblemType.INVALID_PARAMETER,
+    RunExistsError: ProblemType.RUN_EXISTS,
     StorageError: ProblemType.STORAGE_UNAVAILABLE,
     RecordingError: ProblemType.INTERNAL_ERROR,
     DataNotFoundError: ProblemType.NO_DATA,
@@ -384,15 +386,11 @@ async def _handle_validation_error(request: Request, error: RequestValidationErr
 
 async def _handle_http_exception(request: Request, error: HTTPException) -> Response:
     path = request.url.path
-    if error.status_code == HTTP_NOT_MODIFIED:  # `responses.require_modified`
+    if error.status_code == HTTP_NOT_MODIFIED:  # `http_semantics.require_modified`
         return Response(status_code=HTTP_NOT_MODIFIED, headers=error.headers)
     if error.status_code == ProblemType.METHOD_NOT_ALLOWED.status:
-        return problem_response(
-            ProblemType.METHOD_NOT_ALLOWED,
-            ProblemType.METHOD_NOT_ALLOWED.explanation,
-            path,
-            headers={"Allow": ", ".join(_allowed_methods(request))},
-        )
+        not_allowed, headers = ProblemType.METHOD_NOT_ALLOWED, {"Allow": ", ".join(_allowed_methods(request))}
+        return problem_response(not_allowed, not_allowed.explanation, path, headers=headers)
     if error.status_code == HTTP_BAD_REQUEST:  # the content is not JSON
         return problem_response(ProblemType.INVALID_PARAMETER, str(error.detail), path)
     detail = (

@@ -21,7 +21,6 @@ from pydantic import Field
 from daq.schemas.units import Schema, utc_time
 from daq.service.problems import ProblemError, ProblemType
 from recordings.catalogue.incoming_run import IncomingRun
-from recordings.errors import RunExistsError
 from recordings.exchange.formats import IMPORT_FORMATS
 from recordings.exchange.table import Column, Table
 from recordings.file_operations import free_bytes
@@ -256,8 +255,6 @@ class UploadReceiver:
         self._active += 1
         try:
             return await self._receive(request, path, limit, check)
-        except RunExistsError as error:
-            raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
         finally:
             self._active -= 1
 

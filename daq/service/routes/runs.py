@@ -40,7 +40,7 @@ from daq.service.state import EndedRun, RunId, ServiceState, State, require_ende
 from daq.session.run import RunManager
 from recordings.catalogue.catalogue import RunEntry
 from recordings.catalogue.run_store import Search
-from recordings.errors import NotFoundError, RunExistsError
+from recordings.errors import NotFoundError
 from recordings.mcap.container import MAGIC
 
 LISTING_PROBLEMS: Final = (ProblemType.INVALID_PARAMETER, ProblemType.STORAGE_UNAVAILABLE, ProblemType.BUSY)
@@ -244,7 +244,5 @@ async def restore_run(state: State, name: TrashName, request: RestoreRequest, re
         entry = await state.edits.run(state.catalogue.restore, name, request.run or "")
     except NotFoundError as error:
         raise ProblemError(ProblemType.NOT_IN_TRASH, str(error)) from error
-    except RunExistsError as error:
-        raise ProblemError(ProblemType.RUN_EXISTS, str(error)) from error
     response.headers["Location"] = f"{API_PREFIX}/runs/{entry.id}"
     return run_schema(entry)
