@@ -13,7 +13,7 @@ TSC := npx --yes --package $(TYPESCRIPT) tsc
 # Without byte-compilation, which takes pip longer than Python needs for the modules that a command imports.
 PIP = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: run serve test coverage check javascript bench campaign oracle numbers proto clean
+.PHONY: run serve test coverage check javascript docs bench campaign oracle numbers proto clean
 
 run: $(RUNTIME)
 	$(BIN)/rig record $(RIG)
@@ -42,6 +42,11 @@ javascript:
 	@if $(TSC) --version >/dev/null 2>&1; then echo "tsc -p daq/console/jsconfig.json" && $(TSC) -p daq/console/jsconfig.json; \
 	elif [ -n "$(CI)" ]; then echo "$(TYPESCRIPT) cannot be fetched by npx: apt install npm"; exit 1; \
 	else echo "JavaScript is not type-checked: npx is missing or cannot fetch $(TYPESCRIPT)"; fi
+
+# The documentation as a site in build/docs; a warning is an error.
+docs: $(VENV)/ready-docs
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --builder html docs build/docs
+	@echo "build/docs/index.html"
 
 bench: $(VENV)/ready-bench
 	$(BIN)/pytest tests/benchmarks -m benchmark -s
@@ -80,9 +85,13 @@ $(READY): $(RUNTIME)
 	$(PIP) --editable ".[card,view,formats,dev]"
 	@touch $@
 
+$(VENV)/ready-docs: $(RUNTIME)
+	$(PIP) --editable ".[card,view,formats,docs]"
+	@touch $@
+
 $(VENV)/ready-bench: $(READY)
 	$(PIP) --editable ".[bench]"
 	@touch $@
 
 clean:
-	rm -rf $(VENV) .venv-oracle build *.egg-info .mypy_cache .ruff_cache .pytest_cache .coverage .coverage.*
+	rm -rf $(VENV) .venv-oracle build docs/generated *.egg-info .mypy_cache .ruff_cache .pytest_cache .coverage .coverage.*

@@ -1,5 +1,7 @@
 """Errors of the model that a caller may handle.
 
+::
+
     ModelError
     ├── NoSolutionError         no motion or position within the clearances was found
     │   ├── EquilibriumError    no position was found at which the oil film carries its load

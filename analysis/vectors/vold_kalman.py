@@ -95,12 +95,12 @@ def order_envelopes(
 
     Notes
     -----
-    Minimises sum |r (second difference of X_k)|² + |x - X_0 - sum Re[X_k exp(i phase_k)]|² over all X_k together, with
-    a real X_0, the mean, of the narrowest bandwidth, at most half the lowest frequency. The weight r follows from the
-    bandwidth B: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as half the power of a real waveform is at positive
-    frequencies (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband width in the Vold-Kalman order
-    tracking filter, ICSV 12, 2005). The normal equations are banded: the unknowns are the real and imaginary parts of
-    all components and the mean at one sample, then those at the next sample.
+    Minimises ``sum |r (second difference of X_k)|² + |x - X_0 - sum Re[X_k exp(i phase_k)]|²`` over all X_k
+    together, with a real X_0, the mean, of the narrowest bandwidth, at most half the lowest frequency. The weight r
+    follows from the bandwidth B: r² (2 sin(pi B / (2 rate)))^4 = (sqrt 2 - 1) / 2, as half the power of a real
+    waveform is at positive frequencies (H. Vold and J. Leuridan, SAE 931288, 1993; J. Tuma, Setting the passband
+    width in the Vold-Kalman order tracking filter, ICSV 12, 2005). The normal equations are banded: the unknowns
+    are the real and imaginary parts of all components and the mean at one sample, then those at the next sample.
     """
     waveform, angle = np.asarray(waveform, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     _check(waveform, angle, orders, others)

@@ -77,7 +77,7 @@ class WhirlModes:
     growth_rates : ndarray of float64, shape (n_modes,)
         1/s; negative if the mode decays.
     shapes : ndarray of complex128, shape (n_modes, 2, n_stations)
-        Displacement in X and Y, scaled to a largest semi-axis of 1: x(t) = Re[X exp(i |frequency| t)].
+        Displacement in X and Y, scaled to a largest semi-axis of 1: ``x(t) = Re[X exp(i |frequency| t)]``.
     forward : ndarray of float64, shape (n_modes, n_stations)
         (forward - reverse) / (forward + reverse) amplitude at each station: 1 forward circle, 0 line, -1 reverse
         circle.
