@@ -2,14 +2,17 @@
 
 import argparse
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
+
+from jinja2 import Environment, PackageLoader
+from markupsafe import Markup
 
 from daq.cli.terminal import TerminalOutput
 from daq.errors import UsageError
 from daq.session.sweep import LocalWorkers
+from model.studies.study import Plot, Surface
 from model.studies.thesis.chapter_3 import chapter_3_comparisons, chapter_3_readings
 from model.studies.thesis.chapter_3_cases import chapter_3_figures
 from model.studies.thesis.chapter_5 import chapter_5_comparisons, chapter_5_figures
@@ -24,21 +27,6 @@ from model.studies.thesis.chapter_6 import (
 )
 from model.studies.thesis.report import Captioned, Comparison, Trend, Verdict, headline
 from recordings.file_operations import atomic_write
-
-_STYLE = """\
-body{font:15px/1.45 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}
-table{border-collapse:collapse;font-size:13px;margin:1rem 0}th,td{padding:.2rem .6rem;border-bottom:1px solid #ddd;
-text-align:left;vertical-align:top}td.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
-tr.no td.v{color:#a33;font-weight:600}tr.yes td.v{color:#276}figure{margin:1.5rem 0}
-figure svg{max-width:100%;height:auto}
-figcaption{font-size:13px;color:#444}.three figure{display:inline-block;width:48%;margin:.5rem .5%;vertical-align:top}
-"""
-_INTRODUCTION = (
-    "Tables and figures of H. Zhang (2012): stated and computed numbers. “Reproduced” means within the tolerance of "
-    "the printed value; if a number differs, the note gives the reason. Each statement counts once. Bounds (an "
-    "inequality, the limit of an axis) are satisfied by many values and count apart; values that set a factor of the "
-    "computation are no agreement; “undecided” means that the computation was too short to tell."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,78 +53,29 @@ class Part:
     figures: tuple[Captioned, ...]
     trends: tuple[Trend, ...] = ()
 
+    def missed_places(self) -> str:
+        """Return the places of the numbers that are not reproduced, with their counts."""
+        places = Counter(one.place for one in self.comparisons if one.verdict is not Verdict.REPRODUCED)
+        return ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
+
 
 def report_html(parts: Sequence[Part]) -> str:
     """Return the report as HTML."""
-    body = [
-        "<h1>The thesis recomputed</h1>",
-        f"<p>{_INTRODUCTION}</p>",
-        _overview(parts),
-    ]
-    for number, part in enumerate(parts):
-        body += [f"<h2>{escape(part.title)}</h2>", f"<p>{escape(part.text)}</p>"]
-        if part.trends:
-            body.append(_trends(part.trends))
-        body.append(_comparisons(part.comparisons))
-        layout = ' class="three"' if len(part.figures) > 20 else ""
-        body.append(f"<div{layout}>")
-        body += [_figure(one, f"{number}-{index}") for index, one in enumerate(part.figures)]
-        body.append("</div>")
-    head = f'<meta charset="utf-8"><title>The thesis recomputed</title><style>{_STYLE}</style>'
-    return f'<!doctype html><html lang="en"><head>{head}</head><body>{"".join(body)}</body></html>\n'
+    environment = Environment(loader=PackageLoader("daq.cli.model", "."), autoescape=True, trim_blocks=True)
+    environment.filters |= {"number": _number, "signed": _signed, "row_class": _row_class, "svg": _svg}
+    return environment.get_template("thesis.html").render(parts=parts, headline=headline)
 
 
-def _overview(parts: Sequence[Part]) -> str:
-    rows = []
-    for part in parts:
-        places = Counter(one.place for one in part.comparisons if one.verdict is not Verdict.REPRODUCED)
-        missed = ", ".join(f"{place} ({count})" for place, count in places.items()) or "none"
-        cells = (part.title, headline(part.comparisons, part.trends), missed)
-        rows.append(f"<tr>{''.join(f'<td>{escape(cell)}' for cell in cells)}</tr>")
-    return f"<table><tr><th>Chapter<th>Reproduced<th>Numbers that differ, by place</tr>{''.join(rows)}</table>"
+def _row_class(verdict: Verdict) -> str:
+    return "yes" if verdict is Verdict.REPRODUCED else "no"
 
 
-def _comparisons(comparisons: Iterable[Comparison]) -> str:
-    rows = []
-    for one in comparisons:
-        computed = "none" if one.computed is None else _number(one.computed)
-        deviation = "" if one.deviation is None else _signed(one.deviation)
-        kind = "yes" if one.verdict is Verdict.REPRODUCED else "no"
-        relation = "" if one.relation.value == "=" else f"{one.relation.value} "
-        cells = (
-            one.place,
-            one.quantity,
-            f"{relation}{_number(one.stated)}",
-            computed,
-            deviation,
-            one.unit,
-            one.kind.value,
-            one.verdict.value,
-            one.note,
-        )
-        kinds = ("", "", " class=n", " class=n", " class=n", "", "", " class=v", "")
-        row = "".join(f"<td{k}>{escape(cell)}" for k, cell in zip(kinds, cells, strict=True))
-        rows.append(f"<tr class={kind}>{row}</tr>")
-    names = ("Place", "Quantity", "Stated", "Computed", "Deviation", "Unit", "Kind", "Verdict", "Note")
-    return f"<table><tr>{''.join(f'<th>{name}' for name in names)}</tr>{''.join(rows)}</table>"
-
-
-def _trends(trends: Iterable[Trend]) -> str:
-    rows = "".join(
-        f"<tr class={'yes' if one.verdict is Verdict.REPRODUCED else 'no'}><td>{escape(one.text)}"
-        f"<td class=v>{one.verdict.value}<td>{escape(one.computed)}</tr>"
-        for one in trends
-    )
-    return f"<table><tr><th>Trend stated<th>Verdict<th>Computed, in order of the cases</tr>{rows}</table>"
-
-
-def _figure(one: Captioned, salt: str) -> str:
+def _svg(plots: Sequence[Plot | Surface], salt: str) -> Markup:
     from daq.reports.plots.layouts import study_panels
     from daq.reports.plots.render import render
 
-    caption, plots = one
     svg = render(study_panels(plots), "svg", salt=salt).decode()
-    return f"<figure>{svg[svg.index('<svg') :]}<figcaption>{escape(caption)}</figcaption></figure>"
+    return Markup(svg[svg.index("<svg") :])  # noqa: S704 - our own drawing
 
 
 def _number(value: float) -> str:
