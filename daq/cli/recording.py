@@ -6,12 +6,12 @@ import signal
 import sys
 import threading
 import time
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from daq.cli.arguments import (
     AddCommand,
@@ -114,73 +114,21 @@ def _add_recording_options(parser: argparse.ArgumentParser) -> None:
 
 
 class LiveServices:
-    """The live view (rerun) and the HTTP service for the runs of a data folder.
+    """The live run, its live view (rerun) and the address of its HTTP service.
 
     Parameters
     ----------
-    args : argparse.Namespace
-        The command's options: host, port, token, no_view, no_serve.
-    catalogue : Catalogue
-        The data folder.
-    summaries : Summaries
-        Computes the summaries of runs.
-    console : TerminalOutput
-        Prints the addresses.
-    results : ResultsReader
-        Reads the results of recorded runs beyond their summaries.
+    view : LiveView or None
+        The live view.
     manager : RunManager or None
         Starts runs on REST requests; None where that is not possible.
-
-    Raises
-    ------
-    UsageError
-        The host is not the loopback address and no token is set.
-    ServiceError
-        The address is in use.
     """
 
-    def __init__(
-        self,
-        args: argparse.Namespace,
-        catalogue: Catalogue,
-        summaries: Summaries,
-        console: TerminalOutput,
-        results: ResultsReader,
-        manager: RunManager | None = None,
-    ) -> None:
-        if not is_loopback(args.host) and not args.token:
-            raise UsageError(f"--host {args.host} accepts requests from other machines: give --token SECRET with it")
-        self._run: Run | None = None
+    def __init__(self, view: "LiveView | None", manager: RunManager | None) -> None:
+        self._view = view
         self._manager = manager
-        self._view = None if args.no_view else self._open_view(console)
-        self._server: ServiceServer | None = None
-        self._jobs = JobQueue(catalogue)
-        if args.no_serve:
-            return
-        state = ServiceState(catalogue, self, summaries, results, self._jobs, manager)
-        app = create_app(
-            state,
-            self._view.url if self._view is not None and is_loopback(args.host) else "",
-            host=args.host,
-            token=args.token or None,
-            cors_origins=args.cors,
-        )
-        server = ServiceServer(app, args.host, args.port, closing=state.closing)
-        try:
-            server.start()
-        except ServiceError:
-            self.close()
-            raise
-        self._server = server
-
-    @staticmethod
-    def _open_view(console: TerminalOutput) -> "LiveView | None":
-        """Return the live view, served on loopback only because rerun's viewer has no access control."""
-        try:
-            return open_live_view()
-        except ServiceError as error:
-            console.line(f"no live view: {error}")
-            return None
+        self._run: Run | None = None
+        self.url = ""
 
     @property
     def sinks(self) -> tuple[LiveUpdateSink, ...]:
@@ -230,30 +178,66 @@ class LiveServices:
     def addresses(self) -> str:
         """Return the addresses of page, REST and live view, one a line."""
         lines = []
-        if self._server is not None:
-            lines += [
-                f"page {self._server.url}/",
-                f"REST {self._server.url}/api/v1, reference at {self._server.url}/docs",
-            ]
+        if self.url:
+            lines += [f"page {self.url}/", f"REST {self.url}/api/v1, reference at {self.url}/docs"]
         if self._view is not None:
             lines.append(f"live view, also on the page: {self._view.url}")
         return "\n".join(lines)
 
-    def __enter__(self) -> Self:
-        return self
 
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
-        self.close()
+@contextmanager
+def live_services(
+    args: argparse.Namespace,
+    catalogue: Catalogue,
+    summaries: Summaries,
+    console: TerminalOutput,
+    results: ResultsReader,
+    manager: RunManager | None = None,
+) -> Iterator[LiveServices]:
+    """Open the live view and the HTTP service for the runs of a data folder; close them, and the jobs, at the end.
 
-    def close(self) -> None:
-        """Close the service, its jobs and the live view."""
-        if self._server is not None:
-            self._server.close()
-        self._jobs.close()
-        if self._view is not None:
-            self._view.close()
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The command's options: host, port, token, cors, no_view, no_serve.
+    catalogue : Catalogue
+        The data folder.
+    summaries : Summaries
+        Computes the summaries of runs.
+    console : TerminalOutput
+        Prints why there is no live view.
+    results : ResultsReader
+        Reads the results of recorded runs beyond their summaries.
+    manager : RunManager or None
+        Starts runs on REST requests; None where that is not possible.
+
+    Raises
+    ------
+    UsageError
+        The host is not the loopback address and no token is set.
+    ServiceError
+        The address is in use.
+    """
+    is_local = is_loopback(args.host)
+    if not is_local and not args.token:
+        raise UsageError(f"--host {args.host} accepts requests from other machines: give --token SECRET with it")
+    with ExitStack() as stack:
+        view = None
+        if not args.no_view:
+            try:  # served on loopback only because rerun's viewer has no access control
+                view = stack.enter_context(closing(open_live_view()))
+            except ServiceError as error:
+                console.line(f"no live view: {error}")
+        services = LiveServices(view, manager)
+        if not args.no_serve:
+            jobs = stack.enter_context(closing(JobQueue(catalogue)))
+            state = ServiceState(catalogue, services, summaries, results, jobs, manager)
+            viewer = view.url if view is not None and is_local else ""
+            app = create_app(state, viewer, host=args.host, token=args.token or None, cors_origins=args.cors)
+            server = stack.enter_context(closing(ServiceServer(app, args.host, args.port, closing=state.closing)))
+            server.start()
+            services.url = server.url
+        yield services
 
 
 def follow(run: Run, stop: StopFlag, console: TerminalOutput) -> RunOutcome:
@@ -345,7 +329,7 @@ def run_record(args: argparse.Namespace, console: TerminalOutput) -> int:
     catalogue = Catalogue(data_folder(rig.config.storage.folder), rig.config.storage.catalogue)
     with closing(Predictors()) as predictors, closing(ResultsReader(predictors)) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
-        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
+        with stop_on_signals() as stop, live_services(args, catalogue, summaries, console, results) as services:
             request = recording_request(catalogue, rig, args.note, args.duration)
             with closing(RecordedRun(request, predictors.for_rig(rig), services.sinks, stop.is_set)) as recorded:
                 services.show(recorded)
@@ -388,7 +372,7 @@ def run_replay(args: argparse.Namespace, console: TerminalOutput) -> int:
     with closing(Predictors()) as predictors, closing(ResultsReader(predictors)) as results:
         summaries = Summaries(catalogue, predictors, results.summary)
         model = predictors.for_run(header)
-        with stop_on_signals() as stop, LiveServices(args, catalogue, summaries, console, results) as services:
+        with stop_on_signals() as stop, live_services(args, catalogue, summaries, console, results) as services:
             source = ReplaySource(path, args.pace)
             replayed = ReplayedRun(header, source, model, services.sinks, markers)
             services.show(replayed)
@@ -423,7 +407,7 @@ def run_serve(args: argparse.Namespace, console: TerminalOutput) -> int:
 
             manager = stack.enter_context(closing(RunManager(rig, start)))
         summaries = Summaries(catalogue, predictors, results.summary)
-        with LiveServices(args, catalogue, summaries, console, results, manager) as services:
+        with live_services(args, catalogue, summaries, console, results, manager) as services:
             console.line(services.addresses())
             while not stop.wait(1.0):  # with a timeout: an endless wait blocks Ctrl-C on some systems
                 continue
