@@ -56,8 +56,15 @@ def add_commands(add: AddCommand) -> None:
         add_run(subcommand)
         add_parameters(subcommand, kind.parameters)
         add_json(subcommand)
-        text = f"plot ({', '.join(PLOT_FORMATS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable"
-        subcommand.add_argument("-o", "--output", type=Path, action="append", default=[], metavar="FILE", help=text)
+        subcommand.add_argument(
+            "-o",
+            "--output",
+            type=Path,
+            action="append",
+            default=[],
+            metavar="FILE",
+            help=f"plot ({', '.join(PLOT_FORMATS)}) or table ({', '.join(TABLE_SUFFIXES)}); repeatable",
+        )
         show_examples(subcommand, f"rig analyse {name} RUN -o {name}.svg")
 
 

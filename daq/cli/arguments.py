@@ -3,6 +3,7 @@
 import argparse
 import math
 import os
+import sys
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +14,7 @@ NOT_READY = 4  # exit code: preflight has a failed check, or the tacho signal do
 INCOMPLETE = 5  # exit code: samples are lost, or the recording is incomplete
 
 HELP_WIDTH = 78  # columns of a description, for the smallest terminal
+MAX_PORT = 65535
 _DEFAULT_PORT = 8501
 _TIME_UNITS = {"min": 60.0, "h": 3600.0, "s": 1.0, "": 1.0}  # s
 
@@ -54,32 +56,44 @@ def add_json(command: argparse.ArgumentParser) -> None:
 
 def add_service_address(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """Add the options `--host`, `--port` and `--token` of the page and REST that a command serves."""
-    text = f"port of page and REST (default {_DEFAULT_PORT}; 0: any free)"
-    parser.add_argument("--port", type=port, default=_DEFAULT_PORT, help=text)
+    parser.add_argument(
+        "--port", type=port, default=_DEFAULT_PORT, help=f"port of page and REST (default {_DEFAULT_PORT}; 0: any free)"
+    )
     _add_host(parser, "address of page and REST (default: this machine only)")
 
 
 def add_client_address(parser: argparse.ArgumentParser) -> None:
     """Add the options `--host`, `--port` and `--token` of the service that a command sends a request to."""
-    text = f"port of the service (default {_DEFAULT_PORT})"
-    parser.add_argument("--port", type=client_port, default=_DEFAULT_PORT, help=text)
+    parser.add_argument(
+        "--port", type=client_port, default=_DEFAULT_PORT, help=f"port of the service (default {_DEFAULT_PORT})"
+    )
     _add_host(parser, "address of the service (default: this machine)")
 
 
 def _add_host(parser: argparse.ArgumentParser | argparse._ArgumentGroup, text: str) -> None:
     parser.add_argument("--host", default="127.0.0.1", help=text)
     token = os.environ.get("RIG_TOKEN", "")
-    text = "bearer token of requests, required with another --host; preferably set $RIG_TOKEN"
-    parser.add_argument("--token", default=token, help=text)
+    parser.add_argument(
+        "--token",
+        default=token,
+        help="bearer token of requests, required with another --host; preferably set $RIG_TOKEN",
+    )
 
 
-def _number(text: str, expected: str, convert: Callable[[str], float], *, zero: bool = False) -> float:
-    """Return a finite number above 0, or 0 where that is allowed; ArgumentTypeError names what was expected."""
+def _number(
+    text: str,
+    expected: str,
+    convert: Callable[[str], float],
+    *,
+    zero: bool = False,
+    highest: float = sys.float_info.max,
+) -> float:
+    """Return a number above 0, or 0 where that is allowed; ArgumentTypeError names what was expected."""
     try:
         value = convert(text)
     except ValueError:
         value = math.nan
-    if not (0 <= value < math.inf and (value or zero)):
+    if not (0 <= value <= highest and (value or zero)):
         raise argparse.ArgumentTypeError(f"{text!r}: expected {expected}")
     return value
 
@@ -132,16 +146,12 @@ def _digits(text: str) -> int:
 
 def client_port(text: str) -> int:
     """Return the TCP port number of a service to connect to."""
-    if not text.isdecimal() or not 0 < int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 1 to 65535")
-    return int(text)
+    return int(_number(text, "a port from 1 to 65535", _digits, highest=MAX_PORT))
 
 
 def port(text: str) -> int:
     """Return a TCP port number to listen on."""
-    if not text.isdecimal() or int(text) > 65535:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a port from 0 (any free port) to 65535")
-    return int(text)
+    return int(_number(text, "a port from 0 (any free port) to 65535", _digits, zero=True, highest=MAX_PORT))
 
 
 def address(text: str) -> str:

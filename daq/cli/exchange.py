@@ -19,22 +19,43 @@ def add_commands(add: AddCommand) -> None:
     """Add `rig import` and `rig export` to the command line."""
     command = add("import", run_import, add_folder)
     command.add_argument("file", type=Path, metavar="FILE", help=f"the file to read ({', '.join(IMPORT_FORMATS)})")
-    text = "maps columns to the rig's channels, with units; described in docs/exchange.md"
-    command.add_argument("--mapping", type=Path, required=True, metavar="MAP.TOML", help=text)
+    command.add_argument(
+        "--mapping",
+        type=Path,
+        required=True,
+        metavar="MAP.TOML",
+        help="maps columns to the rig's channels, with units; described in docs/exchange.md",
+    )
     show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
     command = add("export", run_export, add_run)
-    text = f"the new file; its suffix sets the format ({', '.join(EXPORT_FORMATS)})"
-    command.add_argument("--to", type=Path, required=True, metavar="FILE", help=text)
-    text = "10s, 1.5min … (default: start of the run)"
-    command.add_argument("--from", dest="start", type=time_in_run, default=0.0, metavar="TIME", help=text)
-    text = "20s … (default: end of the run)"
-    command.add_argument("--until", dest="stop", type=time_in_run, default=math.inf, metavar="TIME", help=text)
+    command.add_argument(
+        "--to",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help=f"the new file; its suffix sets the format ({', '.join(EXPORT_FORMATS)})",
+    )
+    command.add_argument(
+        "--from",
+        dest="start",
+        type=time_in_run,
+        default=0.0,
+        metavar="TIME",
+        help="10s, 1.5min … (default: start of the run)",
+    )
+    command.add_argument(
+        "--until",
+        dest="stop",
+        type=time_in_run,
+        default=math.inf,
+        metavar="TIME",
+        help="20s … (default: end of the run)",
+    )
     command.add_argument("--segment", type=int, help="segment to export, from 0; needed where a run has several")
     instead = command.add_mutually_exclusive_group()
     instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of samples")
-    text = "tacho edges timed by the counter instead of samples"
-    instead.add_argument("--pulses", action="store_true", help=text)
+    instead.add_argument("--pulses", action="store_true", help="tacho edges timed by the counter instead of samples")
     show_examples(
         command,
         "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",

@@ -20,7 +20,7 @@ from analysis.preflight.check_result import Verdict
 from analysis.signals.errors import CalibrationFitError
 from analysis.signals.units import MICROMETRE, MICROSECOND, MILLIVOLT, RPM
 from daq.cli.arguments import NOT_READY, AddCommand, add_json, add_rig_file, address, duration, non_negative, speed
-from daq.cli.terminal import TerminalOutput, grid, print_json, print_output
+from daq.cli.terminal import TerminalOutput, grid, print_json, print_output, text_table
 from daq.config.calibration import (
     CalibrationMetadata,
     CalibrationRecord,
@@ -182,16 +182,22 @@ def add_commands(add: AddCommand) -> None:
     _add_calibrate(add)
     add("check", run_check, add_rig_file, add_json)
     command = add("devices", run_devices, add_json)
-    text = "NI gRPC device server (default: the driver on this machine)"
-    command.add_argument("--target", type=address, metavar="HOST:PORT", help=text)
+    command.add_argument(
+        "--target",
+        type=address,
+        metavar="HOST:PORT",
+        help="NI gRPC device server (default: the driver on this machine)",
+    )
 
     command = add("preflight", run_preflight, add_rig_file, add_json)
     command.description, command.epilog = _PREFLIGHT, _PREFLIGHT_END
     command.formatter_class = argparse.RawDescriptionHelpFormatter
-    text = "planned duration: 60s, 5min, 1h …"
-    command.add_argument("--for", dest="duration", type=duration, metavar="TIME", help=text)
-    text = "planned maximum speed (default: limits.speed_rpm)"
-    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help=text)
+    command.add_argument(
+        "--for", dest="duration", type=duration, metavar="TIME", help="planned duration: 60s, 5min, 1h …"
+    )
+    command.add_argument(
+        "--speed", dest="speed_rpm", type=speed, metavar="RPM", help="planned maximum speed (default: limits.speed_rpm)"
+    )
 
 
 _EXAMPLES = """\
@@ -202,7 +208,7 @@ examples:   rig calibrate gap rigs/usb6251.toml x --operator "M. Curie"
 _HALF_PLOT_WIDTH = 15  # columns on either side of zero
 
 
-def measure_steps(rig: Rig, name: str, path: Path) -> list[CalibrationPoint]:
+def measure_steps(rig: Rig, name: str, path: Path, console: TerminalOutput) -> list[CalibrationPoint]:
     """Prompt for the gap of each micrometer step, measure its voltage, and return the points.
 
     Parameters
@@ -213,6 +219,8 @@ def measure_steps(rig: Rig, name: str, path: Path) -> list[CalibrationPoint]:
         The probe's channel.
     path : Path
         The calibration record to be written; Ctrl-C saves the points beside it.
+    console : TerminalOutput
+        Prints instructions and measured values.
 
     Raises
     ------
@@ -220,26 +228,25 @@ def measure_steps(rig: Rig, name: str, path: Path) -> list[CalibrationPoint]:
         The first step cannot be measured; a later one can be repeated.
     """
     physical = rig.config.channel[probe_row(rig, name)].physical
-    _print_message(
+    console.line(
         f"probe {name} on {physical}: set the micrometer, wait until it is still, and enter the gap in µm (0 where the "
         "tip touches).\nAn empty line ends; a - removes the last step."
     )
     points: list[CalibrationPoint] = []
     try:
         while typed := _prompt(len(points) + 1):
-            _measure_step(typed, points, rig, name)
+            _measure_step(typed, points, rig, name, console)
     except KeyboardInterrupt:
         if points:
-            _print_message(f"\n{len(points)} points saved to {save_points(path, points)}: use them with --points")
+            console.line(f"\n{len(points)} points saved to {save_points(path, points)}: use them with --points")
         raise
-    _print_message("")
+    console.line("")
     return points
 
 
 def save_points(path: Path, points: Sequence[CalibrationPoint]) -> Path:
     """Write points to a new CSV file beside their calibration record; return the file."""
-    stems = (path.stem if number == 1 else f"{path.stem}-{number}" for number in count(1))
-    saved = next(file for file in (path.with_name(f"{stem}.csv") for stem in stems) if not file.exists())
+    saved = _unused(path.with_suffix(".csv"))
     saved.parent.mkdir(parents=True, exist_ok=True)
     with saved.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
@@ -248,12 +255,18 @@ def save_points(path: Path, points: Sequence[CalibrationPoint]) -> Path:
     return saved
 
 
+def _unused(path: Path) -> Path:
+    """Return a path, with a number where the file exists."""
+    paths = (path if number == 1 else path.with_stem(f"{path.stem}-{number}") for number in count(1))
+    return next(each for each in paths if not each.exists())
+
+
 def _prompt(step: int) -> str:
     print(f"step {step}, gap in µm: ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip()
 
 
-def _measure_step(typed: str, points: list[CalibrationPoint], rig: Rig, name: str) -> None:
+def _measure_step(typed: str, points: list[CalibrationPoint], rig: Rig, name: str, console: TerminalOutput) -> None:
     """Measure a point at the typed gap, or remove the last point for "-"."""
     if typed == "-":
         del points[-1:]
@@ -261,23 +274,19 @@ def _measure_step(typed: str, points: list[CalibrationPoint], rig: Rig, name: st
     try:
         gap_um = non_negative(typed.replace(",", "."))
     except argparse.ArgumentTypeError:
-        _print_message(f"{typed!r}: expected a gap in µm, 0 or more, such as 250")
+        console.line(f"{typed!r}: expected a gap in µm, 0 or more, such as 250")
         return
     try:
         points.append(measure_point(rig, name, gap_um * MICROMETRE))
     except DeviceError as error:
         if not points:
             raise
-        _print_message(f"  not measured: {error}")
+        console.line(f"  not measured: {error}")
     else:
-        _print_message(f"  {points[-1].volts:.4f} V, scatter {points[-1].scatter / MILLIVOLT:.1f} mV rms")
+        console.line(f"  {points[-1].volts:.4f} V, scatter {points[-1].scatter / MILLIVOLT:.1f} mV rms")
 
 
-def _print_message(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-def run_calibrate_gap(args: argparse.Namespace, _console: TerminalOutput) -> int:
+def run_calibrate_gap(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Calibrate a probe and write a new record; return the exit code."""
     rig = load_rig(args.config)
     section = rig.config.channel[probe_row(rig, args.channel)]
@@ -286,7 +295,7 @@ def run_calibrate_gap(args: argparse.Namespace, _console: TerminalOutput) -> int
     path = _new_path(rig, args, today)
     if path.exists():
         raise UsageError(f"{path}: exists already; calibration records are never overwritten")
-    points = read_points(args.points) if args.points else measure_steps(rig, args.channel, path)
+    points = read_points(args.points) if args.points else measure_steps(rig, args.channel, path, console)
     record, fit = _fit_record(points, args, _metadata(args, previous, today), path)
     write_record(path, record)
     load_calibration(path)  # checks the written file as a rig will read it
@@ -328,9 +337,8 @@ def _new_path(rig: Rig, args: argparse.Namespace, today: str) -> Path:
     """Return the file to write: the one given by -o, or a new one beside the current record."""
     if args.output is not None:
         return Path(args.output)
-    folder = (rig.path.parent / rig.config.channel[probe_row(rig, args.channel)].calibration).parent
-    names = (f"probe-{args.channel}-{today}{'' if number == 1 else f'-{number}'}.toml" for number in count(1))
-    return next(folder / name for name in names if not (folder / name).exists())
+    current = rig.path.parent / rig.config.channel[probe_row(rig, args.channel)].calibration
+    return _unused(current.with_name(f"probe-{args.channel}-{today}.toml"))
 
 
 def _relative_to_rig(path: Path, rig: Rig) -> str:
@@ -370,20 +378,18 @@ def _fit_record(
 
 def _print_fit(points: Sequence[CalibrationPoint], fit: CalibrationFit) -> None:
     """Print the points with the residuals of the fit, as numbers and drawn to scale, and its coefficients."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading in ("gap µm", "volts", "scatter mV", "residual µm"):
-        table.add_column(heading, justify="right")
-    table.add_column(f"{'0':>{_HALF_PLOT_WIDTH + 1}}", no_wrap=True)
+    rows = []
     for point, residual in sorted(zip(points, fit.residuals, strict=True), key=lambda pair: pair[0].gap):
         plot = [" "] * (2 * _HALF_PLOT_WIDTH + 1)
         plot[_HALF_PLOT_WIDTH] = "|"
         plot[_HALF_PLOT_WIDTH + round(_HALF_PLOT_WIDTH * float(residual) / max(fit.residual, 1e-12))] = "o"
         scatter = "" if math.isnan(point.scatter) else f"{point.scatter / MILLIVOLT:.2f}"
         gap, off = f"{point.gap / MICROMETRE:.1f}", f"{residual / MICROMETRE:+.2f}"
-        table.add_row(gap, f"{point.volts:.4f}", scatter, off, "".join(plot))
+        rows.append((gap, f"{point.volts:.4f}", scatter, off, "".join(plot)))
     coefficients = ", ".join(f"{coefficient / MICROMETRE:.6g}" for coefficient in fit.coefficients)
+    headings = ("gap µm", "volts", "scatter mV", "residual µm", f"{'0':>{_HALF_PLOT_WIDTH + 1}}")
     print_output(
-        table,
+        text_table(headings, rows, n_left=1),
         f"order {fit.order}: gap_um = [{coefficients}] · volts^k from {fit.volts_low:.3f} to {fit.volts_high:.3f} V, "
         f"rising, largest residual {fit.residual / MICROMETRE:.2f} µm",
     )
@@ -401,10 +407,10 @@ def _add_calibrate(add: AddCommand) -> None:
     command.epilog, command.formatter_class = _EXAMPLES, argparse.RawDescriptionHelpFormatter
     add_rig_file(command)
     command.add_argument("channel", metavar="CHANNEL", help="the probe's channel, such as x")
-    text = "points instead of steps: gap in µm, volts"
-    command.add_argument("--points", type=Path, metavar="FILE.CSV", help=text)
-    text = "polynomial order, 1 to 7 (default: 3)"
-    command.add_argument("--order", type=int, choices=range(1, 8), metavar="N", help=text)
+    command.add_argument("--points", type=Path, metavar="FILE.CSV", help="points instead of steps: gap in µm, volts")
+    command.add_argument(
+        "--order", type=int, choices=range(1, 8), metavar="N", help="polynomial order, 1 to 7 (default: 3)"
+    )
     command.add_argument("-o", dest="output", type=Path, metavar="NEW.TOML", help="new record (default: a new name)")
     for option, what, default in (
         ("--sensor", "serial number", "that of the current record"),

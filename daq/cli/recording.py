@@ -73,15 +73,21 @@ def add_commands(add: AddCommand) -> None:
     )
 
     command = add("replay", run_replay, add_run, add_json, _add_service_options)
-    text = "1: real time (default), 10: ten times as fast, max: full speed"
-    command.add_argument("--pace", type=pace, default=1.0, help=text)
+    command.add_argument(
+        "--pace", type=pace, default=1.0, help="1: real time (default), 10: ten times as fast, max: full speed"
+    )
     show_examples(
         command, "rig replay 2026-11-24T09-12-07-gj90c --pace 10", "rig replay data/2026-11-24T09-12-07-gj90c.mcap"
     )
 
     command = add("serve", run_serve, add_folder, _add_page_options)
-    text = "rig file: serves its data folder, and starts and stops its runs over REST"
-    command.add_argument("config", type=Path, metavar="RIG.TOML", nargs="?", help=text)
+    command.add_argument(
+        "config",
+        type=Path,
+        metavar="RIG.TOML",
+        nargs="?",
+        help="rig file: serves its data folder, and starts and stops its runs over REST",
+    )
     command.set_defaults(no_view=True, no_serve=False)
     show_examples(command, "rig serve rigs/bench.toml")
 
@@ -89,8 +95,13 @@ def add_commands(add: AddCommand) -> None:
 def _add_page_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
     group = parser.add_argument_group("page, REST and live view")
     add_service_address(group)
-    text = "origin whose pages may send requests, such as http://notebook.lab:8888; repeatable"
-    group.add_argument("--cors", action="append", default=[], metavar="ORIGIN", help=text)
+    group.add_argument(
+        "--cors",
+        action="append",
+        default=[],
+        metavar="ORIGIN",
+        help="origin whose pages may send requests, such as http://notebook.lab:8888; repeatable",
+    )
     return group
 
 
@@ -101,15 +112,17 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_recording_options(parser: argparse.ArgumentParser) -> None:
-    text = "stop after 60s, 5min, 1h … (default: Ctrl-C)"
-    parser.add_argument("--for", dest="duration", type=duration, metavar="TIME", help=text)
+    parser.add_argument(
+        "--for", dest="duration", type=duration, metavar="TIME", help="stop after 60s, 5min, 1h … (default: Ctrl-C)"
+    )
     parser.add_argument("--note", default="", help="note stored with the run")
     group = parser.add_argument_group("trigger", "Defaults are those of [trigger] in the rig file.")
     group.add_argument("--start", metavar="CONDITION", help='start on "speed > 2000" (r/min), "x > 4.5" (V) …')
     group.add_argument("--stop", metavar="CONDITION", help='stop on "speed < 1500", "time > 10" (s) …')
     group.add_argument("--pre", type=duration, metavar="TIME", help="also record this time before the start: 2s …")
-    text = "rearm after each stop, for N recordings (0: until Ctrl-C); each a file"
-    group.add_argument("--events", type=int, metavar="N", help=text)
+    group.add_argument(
+        "--events", type=int, metavar="N", help="rearm after each stop, for N recordings (0: until Ctrl-C); each a file"
+    )
     group.add_argument("--hold-off", type=duration, metavar="TIME", help="time from a stop to rearming: 10s …")
 
 

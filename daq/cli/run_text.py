@@ -11,7 +11,7 @@ from analysis.signals.blocks import RampDirection
 from analysis.signals.header import Severity
 from analysis.signals.snapshot import LARGEST_OVERALL, Snapshot
 from analysis.signals.units import MICROMETRE, RPM
-from daq.cli.terminal import labelled, print_json, print_output
+from daq.cli.terminal import labelled, print_json, print_output, text_table
 from daq.schemas.events import AlarmSchema
 from daq.schemas.runs import RunOutSchema
 from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchema
@@ -230,21 +230,21 @@ def _table_rows(summary: SummarySchema) -> list[SpeedRowSchema]:
 def _table(rows: list[SpeedRowSchema]) -> Table:
     """Return the table of amplitude and phase over speed."""
     compensated = any(row.order_1x_compensated for row in rows)
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading in ("r/min", "1X x µm∠lag", "1X y µm∠lag", "2X x, y µm", "overall x, y µm pp"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("compensated: run-out subtracted" if compensated else "")
+    cells = []
     for row in rows:
         one, two = row.order_1x_compensated or row.order_1x, row.order_2x_compensated or row.order_2x
-        table.add_row(
-            _speed(row.speed_rpm, row.ramp_direction),
-            f"{_number(one.amplitude_peak_x_um, 1)}∠{_number(one.lag_x_deg)}°",
-            f"{_number(one.amplitude_peak_y_um, 1)}∠{_number(one.lag_y_deg)}°",
-            f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}",
-            f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}",
-            "compensated" if row.order_1x_compensated else "as measured" if compensated else "",
+        cells.append(
+            (
+                _speed(row.speed_rpm, row.ramp_direction),
+                f"{_number(one.amplitude_peak_x_um, 1)}∠{_number(one.lag_x_deg)}°",
+                f"{_number(one.amplitude_peak_y_um, 1)}∠{_number(one.lag_y_deg)}°",
+                f"{_number(two.amplitude_peak_x_um, 1)}, {_number(two.amplitude_peak_y_um, 1)}",
+                f"{_number(row.largest_peak_to_peak_x_um)}, {_number(row.largest_peak_to_peak_y_um)}",
+                "compensated" if row.order_1x_compensated else "as measured" if compensated else "",
+            )
         )
-    return table
+    headings = ("r/min", "1X x µm∠lag", "1X y µm∠lag", "2X x, y µm", "overall x, y µm pp")
+    return text_table((*headings, "compensated: run-out subtracted" if compensated else ""), cells, n_left=1)
 
 
 def _speed(speed_rpm: float | None, direction: RampDirection) -> str:

@@ -33,18 +33,28 @@ def add_commands(add: AddCommand) -> None:
     command.add_argument("--since", type=_time_ns, metavar="TIME", help="started at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_time_ns, metavar="TIME", help="started before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="recorded with the rig of this name")
-    text = "recorded with the device of this serial number"
-    command.add_argument("--device", default="", metavar="SERIAL", help=text)
-    text = "recorded with this calibration: an identity from --json, or its first digits"
-    command.add_argument("--calibration", default="", metavar="IDENTITY", help=text)
+    command.add_argument(
+        "--device", default="", metavar="SERIAL", help="recorded with the device of this serial number"
+    )
+    command.add_argument(
+        "--calibration",
+        default="",
+        metavar="IDENTITY",
+        help="recorded with this calibration: an identity from --json, or its first digits",
+    )
     command.add_argument("--speed", type=_range, metavar="LOW-HIGH", help="covers this speed range, r/min")
     for measure in OVERALL.rows:
-        text = f"largest {measure.description} within this range, {measure.unit}"
-        command.add_argument(f"--{measure.name.replace('_', '-')}", type=_range, metavar="LOW-HIGH", help=text)
+        command.add_argument(
+            f"--{measure.name.replace('_', '-')}",
+            type=_range,
+            metavar="LOW-HIGH",
+            help=f"largest {measure.description} within this range, {measure.unit}",
+        )
     command.add_argument("--text", default="", help="words in id, rig, note, remark or markers")
     command.add_argument("--tag", action="append", default=[], help="has this tag; repeatable")
-    text = "a sub-synchronous component started below this speed, r/min"
-    command.add_argument("--onset-below", type=speed, metavar="RPM", help=text)
+    command.add_argument(
+        "--onset-below", type=speed, metavar="RPM", help="a sub-synchronous component started below this speed, r/min"
+    )
     show_examples(
         command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
     )
@@ -67,8 +77,9 @@ def add_commands(add: AddCommand) -> None:
 
     add("verify", run_verify, add_run, add_json)
     command = add("recover", run_recover, add_run, add_json)
-    text = "the copy (default: RUN-recovered.mcap beside it)"
-    command.add_argument("-o", dest="output", type=Path, metavar="NEW.MCAP", help=text)
+    command.add_argument(
+        "-o", dest="output", type=Path, metavar="NEW.MCAP", help="the copy (default: RUN-recovered.mcap beside it)"
+    )
 
 
 def find_run(args: argparse.Namespace) -> tuple[Catalogue, str]:

@@ -128,20 +128,22 @@ class NumberTable:
         while True:
             totals = accumulate(widths[len(cells) - len(others) :], initial=widths[0])
             n_columns = max(1, sum(total <= options.max_width + 2 for total in totals) - 1)
-            yield _right_aligned([*first, *others[:n_columns]])
+            headings, *rows = zip(*first, *others[:n_columns], strict=True)
+            yield text_table(headings, rows)
             others = others[n_columns:]
             if not others:
                 return
 
 
-def _right_aligned(columns: Sequence[Sequence[str]]) -> "Table":
-    """Return a table of columns, whose first cell is the heading."""
+def text_table(headings: Sequence[str], rows: Iterable[Sequence[str]], *, n_left: int = 0) -> "Table":
+    """Return a table of right-aligned columns; the last ``n_left`` are left-aligned."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading, *_ in columns:
-        table.add_column(heading, justify="right", vertical="bottom", no_wrap=True)
-    for row in zip(*(column[1:] for column in columns), strict=True):
+    for k, heading in enumerate(headings):
+        is_left = k >= len(headings) - n_left
+        table.add_column(heading, justify="left" if is_left else "right", vertical="bottom", no_wrap=not is_left)
+    for row in rows:
         table.add_row(*row)
     return table
 

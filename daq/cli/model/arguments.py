@@ -27,8 +27,13 @@ FORMATS = (".svg", ".png", ".pdf")
 
 def add_model_file(command: argparse.ArgumentParser) -> None:
     """Add the argument RIG.TOML, a rig file or rotor file, of which the default is the GJ90C of the thesis."""
-    text = "rig file with [model], or rotor file (default: the GJ90C of the thesis)"
-    command.add_argument("config", type=Path, metavar="RIG.TOML", nargs="?", help=text)
+    command.add_argument(
+        "config",
+        type=Path,
+        metavar="RIG.TOML",
+        nargs="?",
+        help="rig file with [model], or rotor file (default: the GJ90C of the thesis)",
+    )
 
 
 def parameters_of(file: Path | None) -> ModelParameters:

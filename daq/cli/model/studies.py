@@ -7,7 +7,6 @@ from contextlib import closing
 from functools import partial
 
 import numpy as np
-from rich.table import Table
 
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from daq.cli.arguments import (
@@ -31,7 +30,7 @@ from daq.cli.model.arguments import (
 )
 from daq.cli.model.sweep import add_sweep
 from daq.cli.model.thesis import add_thesis
-from daq.cli.terminal import TerminalOutput, print_json, print_output
+from daq.cli.terminal import TerminalOutput, print_json, print_output, text_table
 from daq.config.loader import load_rig
 from daq.config.rig import Rig, model_parameters
 from daq.errors import RigError, UsageError
@@ -71,8 +70,7 @@ the thesis. Every study prints a table; --json prints it as JSON, -o FILE.svg,
 def add_commands(add: AddCommand) -> None:
     """Add `rig model` with its studies, and `rig predict`, to the command line."""
     command = add("predict", run_predict, add_rig_file, add_json)
-    text = "only the settled motion there"
-    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help=text)
+    command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help="only the settled motion there")
     command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
     show_examples(command, "rig predict rigs/bench.toml --speed 11000")
 
@@ -84,8 +82,7 @@ def add_commands(add: AddCommand) -> None:
         command = studies.add_parser(name, help=text, description=text, allow_abbrev=False)
         add_model_file(command)
         add_json(command)
-        text = "draw the plots"
-        command.add_argument("-o", "--output", type=plot_file, metavar="FILE.svg|.png|.pdf", help=text)
+        command.add_argument("-o", "--output", type=plot_file, metavar="FILE.svg|.png|.pdf", help="draw the plots")
         command.set_defaults(compute=compute)
         return command
 
@@ -125,10 +122,16 @@ def _add_linear(study: AddStudy) -> None:
         lambda p, args: critical_study(p, args.stiffness_n_m, args.max_speed_rad_s),
         "Critical speed map: undamped critical speeds over the stiffness of the bearings.",
     )
-    text = "of each bearing (default: %(default)s)"
-    command.add_argument("--stiffness-n-m", type=rising_range, default="1e3:1e10:71:log", metavar="RANGE", help=text)
-    text = "largest speed (default: 200000)"
-    command.add_argument("--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help=text)
+    command.add_argument(
+        "--stiffness-n-m",
+        type=rising_range,
+        default="1e3:1e10:71:log",
+        metavar="RANGE",
+        help="of each bearing (default: %(default)s)",
+    )
+    command.add_argument(
+        "--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help="largest speed (default: 200000)"
+    )
 
     command = study(
         "response",
@@ -178,8 +181,9 @@ def _add_motion_arguments(command: argparse.ArgumentParser, settle: int) -> None
 
 
 def _add_station(command: argparse.ArgumentParser) -> None:
-    text = "station evaluated (default: that of the probes)"
-    command.add_argument("--station", type=positive_integer, metavar="N", help=text)
+    command.add_argument(
+        "--station", type=positive_integer, metavar="N", help="station evaluated (default: that of the probes)"
+    )
 
 
 def _add_static_films(study: AddStudy) -> None:
@@ -187,8 +191,12 @@ def _add_static_films(study: AddStudy) -> None:
     _add_speeds(command, "1000:6000:51")
     command.add_argument("--load-n", type=positive, default=10.0, help="on the journal (default: 10)")
     command.add_argument("--inlet-bar", type=positive, default=1.0, help="oil inlet pressure (default: 1)")
-    text = "that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)"
-    command.add_argument("--bearing", choices=("rig", "table-3.1", "thesis-like"), default="rig", help=text)
+    command.add_argument(
+        "--bearing",
+        choices=("rig", "table-3.1", "thesis-like"),
+        default="rig",
+        help="that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)",
+    )
 
     command = study(
         "film",
@@ -197,8 +205,9 @@ def _add_static_films(study: AddStudy) -> None:
     )
     command.add_argument("--film", choices=("inner", "outer"), default="inner", help="(default: inner)")
     _add_speed(command, 1000.0)
-    text = "(default: %(default)s)"
-    command.add_argument("--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help=text)
+    command.add_argument(
+        "--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
+    )
 
 
 def _add_stiffness(command: argparse.ArgumentParser, default: str) -> None:
@@ -206,13 +215,19 @@ def _add_stiffness(command: argparse.ArgumentParser, default: str) -> None:
 
 
 def _add_speed(command: argparse.ArgumentParser, default: float, kind: Callable[[str], float] = positive) -> None:
-    text = "of the shaft (default: %(default)g)"
-    command.add_argument("--speed-rad-s", type=kind, default=default, metavar="SPEED", help=text)
+    command.add_argument(
+        "--speed-rad-s", type=kind, default=default, metavar="SPEED", help="of the shaft (default: %(default)g)"
+    )
 
 
 def _add_speeds(command: argparse.ArgumentParser, default: str, kind: Callable[[str], object] = rising_range) -> None:
-    text = f"FIRST:LAST:COUNT, rad/s (default: {default})"
-    command.add_argument("--speeds-rad-s", type=kind, default=default, metavar="RANGE", help=text)
+    command.add_argument(
+        "--speeds-rad-s",
+        type=kind,
+        default=default,
+        metavar="RANGE",
+        help=f"FIRST:LAST:COUNT, rad/s (default: {default})",
+    )
 
 
 def _add_whole_number(command: argparse.ArgumentParser, option: str, default: int, text: str) -> None:
@@ -273,7 +288,8 @@ def run_predict(args: argparse.Namespace, console: TerminalOutput) -> int:
     if args.json:
         print_json([predicted_vibration_schema(prediction) for prediction in predictions])
     else:
-        print_output(_prediction_table(predictions))
+        headings = ("r/min", "1X x µm∠lag", "1X y µm∠lag", "below 1X µm", "overall µm pp", "growth 1/s")
+        print_output(text_table(headings, map(_prediction_row, predictions)))
     return 0
 
 
@@ -298,18 +314,13 @@ def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
     return settled
 
 
-def _prediction_table(predictions: list[Prediction]) -> Table:
-    """Return the table of predictions: peak amplitudes, and overall vibration of x and y."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for heading in ("r/min", "1X x µm∠lag", "1X y µm∠lag", "below 1X µm", "overall µm pp", "growth 1/s"):
-        table.add_column(heading, justify="right")
-    for each in predictions:
-        whirl = f"{each.whirl_order:.2f}X {each.whirl_amplitude / MICROMETRE:6.1f}"
-        table.add_row(
-            f"{each.speed / RPM:,.0f}",
-            *(f"{abs(v) / MICROMETRE:.2f}∠{phase_lag_degrees(v):.0f}°" for v in each.vectors[0]),
-            whirl if each.whirl_amplitude > 0 else "none",
-            " / ".join(f"{value / MICROMETRE:5.1f}" for value in each.peak_to_peak),
-            f"{each.growth_rate:+.1f}",
-        )
-    return table
+def _prediction_row(prediction: Prediction) -> tuple[str, ...]:
+    """Return a row of the table: peak amplitudes, and overall vibration of x and y."""
+    whirl = f"{prediction.whirl_order:.2f}X {prediction.whirl_amplitude / MICROMETRE:6.1f}"
+    return (
+        f"{prediction.speed / RPM:,.0f}",
+        *(f"{abs(v) / MICROMETRE:.2f}∠{phase_lag_degrees(v):.0f}°" for v in prediction.vectors[0]),
+        whirl if prediction.whirl_amplitude > 0 else "none",
+        " / ".join(f"{value / MICROMETRE:5.1f}" for value in prediction.peak_to_peak),
+        f"{prediction.growth_rate:+.1f}",
+    )

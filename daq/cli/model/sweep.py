@@ -37,18 +37,24 @@ def add_sweep(studies: "argparse._SubParsersAction[argparse.ArgumentParser]") ->
     command = studies.add_parser("sweep", help=text, description=textwrap.fill(text, HELP_WIDTH), allow_abbrev=False)
     command.formatter_class, command.epilog = argparse.RawDescriptionHelpFormatter, _epilog()
     add_model_file(command)
-    text = "such as viscosity_pa_s=0.005:0.035:7"
-    command.add_argument("--vary", type=_vary, action="append", required=True, metavar="NAME=RANGE", help=text)
-    text = "quantity to compute (default: onset)"
-    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help=text)
-    text = "results; an interrupted sweep resumes"
-    command.add_argument("-o", "--output", type=Path, required=True, metavar="FILE.parquet", help=text)
-    text = "draw over the first parameter"
-    command.add_argument("--plot", type=plot_file, metavar="FILE.svg|.png|.pdf", help=text)
+    command.add_argument(
+        "--vary",
+        type=_vary,
+        action="append",
+        required=True,
+        metavar="NAME=RANGE",
+        help="such as viscosity_pa_s=0.005:0.035:7",
+    )
+    command.add_argument("--quantity", choices=QUANTITIES, default="onset", help="quantity to compute (default: onset)")
+    command.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE.parquet", help="results; an interrupted sweep resumes"
+    )
+    command.add_argument("--plot", type=plot_file, metavar="FILE.svg|.png|.pdf", help="draw over the first parameter")
     command.add_argument("--json", action="store_true", help="print all points as JSON")
     where = command.add_mutually_exclusive_group()
-    text = "number of local processes (default: one per processor)"
-    where.add_argument("--processes", type=positive_integer, help=text)
+    where.add_argument(
+        "--processes", type=positive_integer, help="number of local processes (default: one per processor)"
+    )
     where.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="use this Dask cluster instead")
     command.set_defaults(run=run_sweep_command)
 

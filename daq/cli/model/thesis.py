@@ -109,8 +109,14 @@ def add_thesis(studies: "argparse._SubParsersAction[argparse.ArgumentParser]") -
     """Add the subcommand `thesis`."""
     text = "Recompute chapters 3, 5 and 6 of the thesis: report of stated and computed numbers."
     command = studies.add_parser("thesis", help=text, description=text, allow_abbrev=False)
-    text = f"folder of {FILE_NAME} (default: the current one)"
-    command.add_argument("-o", "--output", type=Path, default=Path(), metavar="FOLDER", help=text)
+    command.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path(),
+        metavar="FOLDER",
+        help=f"folder of {FILE_NAME} (default: the current one)",
+    )
     command.set_defaults(run=run_thesis)
 
 
