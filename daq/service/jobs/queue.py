@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -173,8 +172,8 @@ class JobQueue:
             with storage_errors(target.parent, "cannot be created"):
                 target.parent.mkdir(parents=True)
             worker.run(
-                perform, task, target, self._catalogue,
-                time_limit=self._time_limit, on_progress=partial(self._set_progress, job_id),
+                perform, task, target, self._catalogue, time_limit=self._time_limit,
+                on_progress=lambda step, fraction: self._update(job_id, step=step, progress=fraction),
             )  # fmt: skip
         except (RigError, RecordingError, AnalysisError, ModelError) as error:
             outcome: dict[str, object] = {"state": JobState.FAILED, "detail": str(error)}
@@ -192,9 +191,6 @@ class JobQueue:
                 shutil.rmtree(target.parent, ignore_errors=True)
                 if not self._is_closed:
                     self._worker = WorkerProcess(NICENESS)
-
-    def _set_progress(self, job_id: str, step: str, fraction: float | None) -> None:
-        self._update(job_id, step=step, progress=fraction)
 
     def _update(self, job_id: str, **changes: object) -> None:
         """Change a job unless it has been deleted."""

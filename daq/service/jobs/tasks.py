@@ -154,7 +154,7 @@ def result_query(request: ResultRequest) -> QueryParameters:
         raise RequestValidationError(faults) from error
 
 
-def _calibrations(request: ReanalysisRequest) -> dict[str, Calibration]:
+def _calibrations(request: ReanalysisRequest | RigFromToml) -> dict[str, Calibration]:
     return {name: to_calibration(record, f"calibrations.{name}") for name, record in request.calibrations.items()}
 
 
@@ -187,8 +187,7 @@ def rig_of_run(header: RunHeader) -> Rig:
 
 def rig_from_toml(text: RigFromToml) -> Rig:
     """Return the rig of a TOML text; ConfigError if it is invalid."""
-    calibrations = {name: to_calibration(record, f"calibrations.{name}") for name, record in text.calibrations.items()}
-    return parse_rig(text.toml, calibrations, "toml")
+    return parse_rig(text.toml, _calibrations(text), "toml")
 
 
 def result_job(report: ProgressCallback, _target: Path, catalogue: Catalogue, request: ResultRequest) -> Schema:
