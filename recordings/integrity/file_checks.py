@@ -306,16 +306,16 @@ class IndexCheck:
 
         An index entry is right if it is the offset of a record that was found by reading the records in sequence.
         """
-        opcodes: Counter[int] = Counter(record.opcode for record in self._file.records())
-        found = {(record.opcode, record.offset) for record in self._file.records()}
-        for chunk in self._file.chunks:
-            if (Opcode.CHUNK, chunk.offset) not in found:
-                where = f"byte {chunk.offset - RECORD.size}"
-                yield Finding(Check.INDEX, where, "the index lists a chunk that is not there")
+        found = {(record.offset, record.opcode) for record in self._file.records()}
+        opcodes = Counter(opcode for _, opcode in found)
+        listed = [(chunk.offset, Opcode.CHUNK, "chunk") for chunk in self._file.chunks]
         for content in self._file.summary(Opcode.METADATA_INDEX):
-            offset = int.from_bytes(content[:8], "little")
-            if (Opcode.METADATA, offset + RECORD.size) not in found:
-                yield Finding(Check.INDEX, f"byte {offset}", "the index lists a metadata record that is not there")
+            offset = int.from_bytes(content[:8], "little") + RECORD.size
+            listed.append((offset, Opcode.METADATA, "metadata record"))
+        for offset, opcode, name in listed:
+            if (offset, opcode) not in found:
+                where = f"byte {offset - RECORD.size}"
+                yield Finding(Check.INDEX, where, f"the index lists a {name} that is not there")
         for content in self._file.summary(Opcode.STATISTICS):
             total, *counts = STATISTICS.unpack_from(content)[:6]
             if total != sum(messages.values()):

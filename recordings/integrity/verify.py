@@ -1,10 +1,11 @@
 """Verification of a recording: every record, checksum, index, sample and count of the file."""
 
 import zlib
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
 from typing import Annotated
 
@@ -33,6 +34,7 @@ from recordings.mcap.salvage import decode_header, read_header
 WINDOW = 4 << 20  # bytes that are read at a time
 RECORDS_SHARE = 0.9  # share of the work in reading the records; the rest is the checksum over the data section
 SAMPLES_ID, END_ID, FEATURES_ID, FRAME_ID, MARKER_ID, PULSES_ID = CHANNEL_IDS.values()
+RESULTS = {FEATURES_ID: Features, FRAME_ID: OrderFrame}
 MAX_FINDINGS = 100
 
 
@@ -109,19 +111,16 @@ class _Verifier:
         self._chunk_index = {chunk.offset: chunk for chunk in container.chunks}
         self._n_chunks = 0
         self._n_messages: Counter[int] = Counter()
-        self._n_attachments: Counter[str] = Counter()
-        self._metadata: dict[str, list[str]] = defaultdict(list)
+        self._names: set[str] = set()
+        """Names of the metadata records, and of the configuration's attachment, that were read."""
 
     def verification(self) -> Verification:
         """Check the file and return the result."""
-        findings: list[Finding] = []
-        for finding in self._findings():
-            if len(findings) == MAX_FINDINGS:
-                findings.append(
-                    Finding(finding.check, finding.where, f"more than {MAX_FINDINGS} findings: the list ends here")
-                )
-                break
-            findings.append(finding)
+        findings = list(islice(self._findings(), MAX_FINDINGS + 1))
+        if len(findings) > MAX_FINDINGS:
+            findings[-1] = replace(
+                findings[-1], what=f"more than {MAX_FINDINGS} findings: the list ends here", is_fault=True
+            )
         return Verification(
             path=self._file.path,
             run=self._header.run,
@@ -140,7 +139,9 @@ class _Verifier:
             yield Finding(Check.FILE, "end of file", "the index at the end is missing or does not match its checksum")
         yield from self._records()
         yield from self._continuity.finish()
-        yield from self._header_copies()
+        for name, kind in ((RUN_RECORD, "record"), (CONFIG_ATTACHMENT, "attachment")):
+            if name not in self._names:
+                yield Finding(Check.HEADER, "start of file", f"the {kind} {name} is missing")
         yield from check_acquisition(self._header.acquisition)
         if self._file.is_finished:
             yield from self._end_record()
@@ -215,10 +216,8 @@ class _Verifier:
             yield from self._pulses.check_block(block, where)
         elif message.channel == END_ID:
             yield from self._continuity.check_segment_end(decode_segment_end(message.data), where)
-        elif message.channel == FEATURES_ID:
-            parse_message(Features(), message.data)
-        elif message.channel == FRAME_ID:
-            parse_message(OrderFrame(), message.data)
+        elif message.channel in RESULTS:
+            parse_message(RESULTS[message.channel](), message.data)
         elif message.channel == MARKER_ID:
             decode_marker(message.data)
         elif message.channel == PULSES_ID:
@@ -236,7 +235,7 @@ class _Verifier:
         if record is None:
             yield Finding(Check.HEADER, where, "a metadata record that cannot be read")
             return
-        self._metadata[record.name].append(where)
+        self._names.add(record.name)
         try:
             if record.name == RUN_RECORD and decode_header(self._file.path, record.metadata) != self._header:
                 yield Finding(Check.HEADER, where, f"{RUN_RECORD} differs from the copy before")
@@ -250,15 +249,9 @@ class _Verifier:
         if zlib.crc32(content[:-4]) != int.from_bytes(content[-4:], "little"):
             yield Finding(Check.CRC, where, "an attachment does not match its checksum")
         elif content[20 : 20 + len(CONFIG_ATTACHMENT)] == CONFIG_ATTACHMENT.encode():
-            self._n_attachments[CONFIG_ATTACHMENT] += 1
+            self._names.add(CONFIG_ATTACHMENT)
             if not content[:-4].endswith(self._header.config_toml.encode()):
                 yield Finding(Check.HEADER, where, f"{CONFIG_ATTACHMENT} is not the configuration of the header")
-
-    def _header_copies(self) -> Iterator[Finding]:
-        if not self._metadata[RUN_RECORD]:
-            yield Finding(Check.HEADER, "start of file", f"the record {RUN_RECORD} is missing")
-        if not self._n_attachments[CONFIG_ATTACHMENT]:
-            yield Finding(Check.HEADER, "start of file", f"the attachment {CONFIG_ATTACHMENT} is missing")
 
     def _end_record(self) -> Iterator[Finding]:
         """Compare the end record with the samples and segments of the file."""

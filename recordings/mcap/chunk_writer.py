@@ -65,6 +65,11 @@ class AppendOnlyFile:
     path : Path
         The file; it must not exist, its folder must.
 
+    Attributes
+    ----------
+    length : int
+        Bytes written.
+
     Raises
     ------
     StorageError
@@ -80,17 +85,12 @@ class AppendOnlyFile:
             except FileNotFoundError as error:
                 raise StorageError(f"{path}: cannot be created: there is no folder {path.parent}") from error
         self._path = path
-        self._length = 0
+        self.length = 0
         self._committed = 0
         self._allocated = 0
         self._closing = threading.Event()
         self._syncer = threading.Thread(target=self._sync, name=f"sync {path.name}", daemon=True)
         self._syncer.start()
-
-    @property
-    def length(self) -> int:
-        """Bytes written."""
-        return self._length
 
     def write(self, data: bytes, reserve: int = 0) -> None:
         """Append all of the data; OSError if the disk is full, and then nothing is appended.
@@ -102,19 +102,19 @@ class AppendOnlyFile:
         reserve : int
             Bytes of free space required after it.
         """
-        self._allocate(self._length + len(data) + reserve)
+        self._allocate(self.length + len(data) + reserve)
         remaining = memoryview(data)
         try:
             while remaining:
                 remaining = remaining[self._file.write(remaining) :]
         except OSError:
-            self._file.seek(self._length)
+            self._file.seek(self.length)
             raise
-        self._length += len(data)
+        self.length += len(data)
 
     def commit(self) -> None:
         """Record that the file is complete up to here."""
-        self._committed = self._length
+        self._committed = self.length
 
     def roll_back(self) -> None:
         """Truncate to the last commit and close; without a commit, remove the file."""
@@ -130,7 +130,7 @@ class AppendOnlyFile:
     def close(self) -> None:
         """Flush to the disk and close the file; OSError if the system reports only now that it could not write."""
         self._stop_syncing()
-        self._file.truncate(self._length)
+        self._file.truncate(self.length)
         os.fsync(self._file.fileno())
         self._file.close()
 
@@ -155,7 +155,7 @@ class AppendOnlyFile:
     def _sync(self) -> None:
         synced = 0
         while not self._closing.wait(SYNC_INTERVAL):
-            length = self._length
+            length = self.length
             if length > synced:
                 with suppress(OSError):  # the next write or the close fails too, and reports it
                     os.fsync(self._file.fileno())

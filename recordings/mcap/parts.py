@@ -77,6 +77,11 @@ class PartWriter:
     limits : PartLimits
         Limits of a file.
 
+    Attributes
+    ----------
+    files : int
+        Number of files so far.
+
     Raises
     ------
     StorageError
@@ -89,18 +94,13 @@ class PartWriter:
         self._limits = limits
         self._writer = RunWriter(path, header)
         self._lock = threading.Lock()
-        self._files = self._event = self._part = 1
+        self.files = self._event = self._part = 1
         self._event_ended = False
         self._pending_markers: list[EncodedResult] = []  # added since the event ended
         self._segment, self._first = 0, 0  # of the run, at the start of the current file, or of the next one
         self._before_ns = 0  # sample time before the current file
         self._elapsed_ns = 0  # sample time of the current file's ended segments and of skipped samples
         self._samples = 0  # in the current file
-
-    @property
-    def files(self) -> int:
-        """Number of files so far."""
-        return self._files
 
     def skip_samples(self, samples: int) -> None:
         """Count samples per channel before the next block that are not recorded."""
@@ -137,7 +137,7 @@ class PartWriter:
             if self._event_ended:
                 if result.topic == MARKER:
                     self._pending_markers.append(result)
-            elif self._files == 1:
+            elif self.files == 1:
                 self._writer.add_result(result)
             elif result.topic == MARKER:
                 self._writer.add_result(self._moved_marker(result))
@@ -151,7 +151,7 @@ class PartWriter:
             self._writer.write_segment_end(
                 SegmentEnd(0, 0, EndReason.STOPPED, detail="markers added while no event was recorded")
             )
-        self._writer.close(skipped_samples if self._files == 1 else self._samples)
+        self._writer.close(skipped_samples if self.files == 1 else self._samples)
 
     def _moved_marker(self, result: EncodedResult) -> EncodedResult:
         """Return a marker with its segment and sample in the current file."""
@@ -161,10 +161,8 @@ class PartWriter:
         return encode_marker(moved, self._header)
 
     def _is_full(self) -> bool:
-        limits = self._limits
-        if limits.samples is not None and self._samples >= limits.samples:
-            return True
-        return limits.size is not None and self._writer.size >= limits.size
+        counts = ((self._limits.samples, self._samples), (self._limits.size, self._writer.size))
+        return any(limit is not None and count >= limit for limit, count in counts)
 
     def _begin_part(self, block: SampleBlock) -> None:
         """Finish the current part, and begin the next with this block."""
@@ -202,7 +200,7 @@ class PartWriter:
         writer = RunWriter(self._path.with_name(f"{name}{self._path.suffix}"), header)
         with self._lock:
             self._writer = writer
-            self._files += 1
+            self.files += 1
             self._event_ended = False
             self._segment, self._first = start
             pending, self._pending_markers = self._pending_markers, []

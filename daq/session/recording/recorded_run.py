@@ -41,7 +41,7 @@ from daq.session.recording.recorder import (
     StopRequest,
     record,
 )
-from daq.session.recording.ring import BlockRing
+from daq.session.recording.ring import BlockRing, RingReader
 from daq.session.recording.statistics import (
     RecorderStatistics,
     clipped_channels,
@@ -104,7 +104,7 @@ class RecordedRun:
         self._ring = BlockRing.create(
             len(rig.config.channel), capacity, max(16, math.ceil(RING_SECONDS / timing.block_s))
         )
-        self._reader = self._ring.reader()
+        self._reader = RingReader(self._ring)
         self._pipe, self._process = self._start_recorder()
         self._sender = MessageSender(self._pipe)
         self._stop_deadline = stop_deadline

@@ -148,7 +148,9 @@ def record(
     ring = BlockRing(ring_memory)
     with ExitStack() as stack:
         try:
-            _require_disk_space(request)
+            free, reserve = _disk_space(request)
+            if free < reserve:
+                raise UsageError(_disk_full_message(request, free, reserve))
             source = stack.enter_context(closing(open_source(request.rig)))
             if pipe.poll():  # the only message sent before `DeviceOpened` is a stop request
                 raise StoppedError("stopped before the device was open")
@@ -168,13 +170,6 @@ def _part_limits(request: RecordingRequest, header: RunHeader) -> PartLimits:
     storage = request.rig.config.storage
     samples = round(60 * storage.split_minutes * header.acquisition.rate) or None
     return PartLimits(samples, round(1e9 * storage.split_gb) or None, request.rig.config.trigger.events != 1)
-
-
-def _require_disk_space(request: RecordingRequest) -> None:
-    """Raise UsageError where less than the disk reserve is free before the start."""
-    free, reserve = _disk_space(request)
-    if free < reserve:
-        raise UsageError(_disk_full_message(request, free, reserve))
 
 
 def _disk_space(request: RecordingRequest) -> tuple[int, int]:

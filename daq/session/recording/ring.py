@@ -156,13 +156,9 @@ class BlockRing:
         codes = np.ascontiguousarray(found["codes"][:, :n_samples])
         return SampleBlock(codes, segment, first, host_time, backlog, ticks), before
 
-    def reader(self) -> "RingReader":
-        """Return a reader at the oldest item in the ring."""
-        return RingReader(self)
-
 
 class RingReader:
-    """Reader of a ring with its own position.
+    """Reader of a ring with its own position, which begins at the oldest item in the ring.
 
     Parameters
     ----------

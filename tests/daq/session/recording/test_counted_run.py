@@ -18,7 +18,7 @@ from daq.drivers.replay import ReplaySource
 from daq.drivers.simulation.card import SimulatedCard
 from daq.drivers.triggered import TriggerStart, apply_trigger
 from daq.session.recording.recorded_run import RecordedRun
-from daq.session.recording.ring import BlockRing
+from daq.session.recording.ring import BlockRing, RingReader
 from recordings.integrity.recover import recover
 from recordings.integrity.verify import verify
 from recordings.mcap.parts import PartLimits, PartWriter, file_ids
@@ -179,7 +179,7 @@ def test_ring_carries_more_stamps_than_a_slot_holds() -> None:
         SampleBlock(codes, 0, 3_000, 2, 0, many[:0] + 1),
         SampleBlock(codes, 0, 6_000, 3, 0, None),
     ]
-    reader = ring.reader()
+    reader = RingReader(ring)
     for block in sent:
         ring.put(block)
     got = list(reader.available())

@@ -27,7 +27,7 @@ def test_ring_in_the_same_memory_yields_the_items_put(ring: BlockRing) -> None:
     other = BlockRing(ring.memory)
     ring.put(block(0, 100))
     ring.put(SegmentEnd(0, 100, EndReason.OVERRUN, lost=7, lost_is_exact=False, detail="buffer ran over"))
-    got, end = other.reader().available()
+    got, end = RingReader(other).available()
     assert isinstance(got, SampleBlock)
     np.testing.assert_array_equal(got.codes, block(0, 100).codes)
     assert (got.segment, got.first_sample, got.host_time_ns, got.backlog) == (0, 0, 17, 3)
@@ -35,7 +35,7 @@ def test_ring_in_the_same_memory_yields_the_items_put(ring: BlockRing) -> None:
 
 
 def test_ring_splits_blocks_longer_than_a_slot(ring: BlockRing) -> None:
-    reader = ring.reader()
+    reader = RingReader(ring)
     ring.put(block(0, 250))
     parts = blocks_of(reader)
     assert [p.first_sample for p in parts] == [0, 100, 200]
@@ -44,7 +44,7 @@ def test_ring_splits_blocks_longer_than_a_slot(ring: BlockRing) -> None:
 
 
 def test_reader_that_falls_behind_counts_all_skipped_samples(ring: BlockRing) -> None:
-    reader = ring.reader()
+    reader = RingReader(ring)
     for k in range(30):
         ring.put(block(100 * k, 100))
     seen = sum(item.n_samples for item in blocks_of(reader))
@@ -53,7 +53,7 @@ def test_reader_that_falls_behind_counts_all_skipped_samples(ring: BlockRing) ->
 
 
 def test_reader_counts_samples_skipped_before_a_segment_end(ring: BlockRing) -> None:
-    reader = ring.reader()
+    reader = RingReader(ring)
     for k in range(6):
         ring.put(block(100 * k, 100))
     assert sum(item.n_samples for item in blocks_of(reader)) == 600
@@ -66,7 +66,7 @@ def test_reader_counts_samples_skipped_before_a_segment_end(ring: BlockRing) -> 
 
 
 def test_reader_never_sees_a_torn_block_of_a_fast_writer(ring: BlockRing) -> None:
-    reader = ring.reader()
+    reader = RingReader(ring)
 
     def write() -> None:
         for k in range(4000):
