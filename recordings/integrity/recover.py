@@ -1,6 +1,7 @@
 """Recovery: a complete copy of the intact samples of a damaged recording, and a list of the missing ones."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -14,13 +15,10 @@ from recordings.mcap.layout import (
     CHANNEL_IDS,
     END_RECORD,
     MARKER,
-    PULSES,
     RECOVERED_RECORD,
-    SAMPLES,
-    SEGMENT_END,
     decode_metadata,
 )
-from recordings.mcap.messages import PulseMerger, decode_block, decode_segment_end
+from recordings.mcap.messages import ItemDecoder
 from recordings.mcap.reader import segment_end_from_json
 from recordings.mcap.results import Marker, decode_marker
 from recordings.mcap.salvage import read_header, search_chunks
@@ -123,13 +121,12 @@ class _Salvage:
 
     def __init__(self, container: Container, header: RunHeader) -> None:
         self._file = container
-        self._n_channels = len(header.acquisition.channels)
         found = {chunk.offset: chunk for chunk in (*container.chunks, *search_chunks(container))}
         self._chunks = [found[offset] for offset in sorted(found)]
         self._indexed = {chunk.offset for chunk in container.chunks}
         self._known_ends = self._ends()
         self._acquisition = header.acquisition
-        self._pulses = PulseMerger(header.acquisition)
+        self._decoder = ItemDecoder(header.acquisition)
         self.damaged = 0
         self.segments: list[RecoveredSegment] = []
         self.missing: list[MissingSamples] = []
@@ -142,7 +139,7 @@ class _Salvage:
         """Yield all readable blocks and segment ends, in file order."""
         self.damaged = 0
         self._markers = []
-        self._pulses = PulseMerger(self._acquisition)
+        self._decoder = ItemDecoder(self._acquisition)
         for chunk in self._chunks:
             yield from self._items_of(chunk)
 
@@ -175,8 +172,8 @@ class _Salvage:
 
     def _block(self, block: SampleBlock) -> Iterator[SourceItem]:
         is_past = block.segment == self._from_segment and (block.first_sample < self._next_sample or not self._is_open)
-        if block.segment < self._from_segment or is_past or block.codes.shape[0] != self._n_channels:
-            return  # a record that is in the file twice, or of another header
+        if block.segment < self._from_segment or is_past:
+            return  # a record that is in the file twice
         yield from self._go_to(block.segment)
         if block.first_sample > self._next_sample:
             self.missing.append(MissingSamples(self._from_segment, self._next_sample, block.first_sample))
@@ -225,17 +222,11 @@ class _Salvage:
             self.damaged += chunk.offset in self._indexed  # what only looked like a chunk does not count
             return
         for message in messages:
-            try:
-                if message.channel == CHANNEL_IDS[SAMPLES]:
-                    yield self._pulses.merge(decode_block(message.data))
-                elif message.channel == CHANNEL_IDS[PULSES]:
-                    self._pulses.add_pulses(message.data)
-                elif message.channel == CHANNEL_IDS[SEGMENT_END]:
-                    yield decode_segment_end(message.data)
-                elif message.channel == CHANNEL_IDS[MARKER]:
+            with suppress(MessageError):  # intact, but written by another program or with another header
+                if message.channel == CHANNEL_IDS[MARKER]:
                     self._markers.append(decode_marker(message.data))
-            except MessageError:  # intact, but written by another program
-                continue
+                elif (item := self._decoder.decode(message.channel, message.data)) is not None:
+                    yield item
 
     def _ends(self) -> dict[int, SegmentEnd]:
         """Return the segment ends in the end record; empty if there is no intact one."""

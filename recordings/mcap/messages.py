@@ -10,10 +10,11 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
+from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
 from analysis.signals.header import Acquisition
 from recordings.errors import MessageError
 from recordings.mcap import rig_pb2
+from recordings.mcap.layout import CHANNEL_IDS, PULSES, SAMPLES, SEGMENT_END
 from recordings.mcap.rig_pb2 import CODEC_DELTA_SHUFFLE, CODEC_INT16
 
 BYTES_PER_CODE = 2
@@ -205,19 +206,33 @@ class PulseEncoder:
         return message.SerializeToString()
 
 
-class PulseMerger:
-    """Adds the counter's pulses to the blocks of a file.
+class ItemDecoder:
+    """Decoder of the blocks of a file, with their pulses, and of its segment ends.
 
     Parameters
     ----------
     acquisition : Acquisition
-        Whether there was a counter.
+        Number of channels, and whether there was a counter.
     """
 
     def __init__(self, acquisition: Acquisition) -> None:
+        self._n_channels = len(acquisition.channels)
         self._has_counter = acquisition.tacho.counter is not None
         self._pending: dict[tuple[int, int], rig_pb2.Pulses] = {}
         self._failed_segment = -1
+
+    def decode(self, channel: int, data: bytes) -> SourceItem | None:
+        """Return the block or segment end of a message, None for other messages; MessageError."""
+        if channel == CHANNEL_IDS[PULSES]:
+            self.add_pulses(data)
+        elif channel == CHANNEL_IDS[SEGMENT_END]:
+            return decode_segment_end(data)
+        elif channel == CHANNEL_IDS[SAMPLES]:
+            block = decode_block(data)
+            if block.codes.shape[0] != self._n_channels:
+                raise MessageError(f"block of {block.codes.shape[0]} channels, expected {self._n_channels}")
+            return self.merge(block)
+        return None
 
     def add_pulses(self, data: bytes) -> None:
         """Take a serialised pulse message; MessageError."""

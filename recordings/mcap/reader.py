@@ -28,7 +28,7 @@ from recordings.mcap.layout import (
     decode_metadata,
     sample_time_ns,
 )
-from recordings.mcap.messages import PulseMerger, block_span, decode_block, decode_segment_end, parse_message
+from recordings.mcap.messages import ItemDecoder, block_span, decode_segment_end, parse_message
 from recordings.mcap.results import Marker, decode_marker, decode_snapshot
 from recordings.mcap.salvage import SequenceFilter, cut_end, read_header
 
@@ -122,15 +122,12 @@ class RunReader:
         After damage, the rest of the segment is left out and its end counts it as lost.
         """
         sequence = SequenceFilter({end.segment: end for end in self.segment_ends})
-        merger = PulseMerger(self.header.acquisition)
+        decoder = ItemDecoder(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL | END_CHANNEL | PULSE_CHANNEL):
             with suppress(MessageError):  # an invalid message counts as lost
-                if message.channel in SAMPLE_CHANNEL:
-                    yield from sequence.add_block(merger.merge(self._block(message.data)))
-                elif message.channel in PULSE_CHANNEL:
-                    merger.add_pulses(message.data)
-                else:
-                    yield from sequence.add_segment_end(decode_segment_end(message.data))
+                item = decoder.decode(message.channel, message.data)
+                if item is not None:
+                    yield from sequence.add(item)
         yield from sequence.finish()
 
     def samples(self, segment: int, first: int, stop: int) -> NDArray[np.int16]:
@@ -308,20 +305,14 @@ class RunReader:
         """Yield the blocks of a segment, from the one with this sample on."""
         time_ns = self._starts_ns[segment] + sample_time_ns(sample, self.header.acquisition.rate)
         first_chunk = self._container.chunks.last_before(SAMPLE_CHANNEL, time_ns)
+        decoder = ItemDecoder(self.header.acquisition)
         for message in self._messages(SAMPLE_CHANNEL, first_chunk):
             with suppress(MessageError):
-                block = self._block(message.data)
-                if block.segment > segment:
-                    return
-                if block.segment == segment and block.end > sample:
+                block = decoder.decode(message.channel, message.data)
+                if isinstance(block, SampleBlock) and (block.segment, block.end) > (segment, sample):
+                    if block.segment > segment:
+                        return
                     yield block
-
-    def _block(self, data: bytes) -> SampleBlock:
-        block = decode_block(data)
-        n_channels = len(self.header.acquisition.channels)
-        if block.codes.shape[0] != n_channels:
-            raise MessageError(f"block of {block.codes.shape[0]} channels, expected {n_channels}")
-        return block
 
 
 def segment_end_from_json(values: dict[str, Any]) -> SegmentEnd:

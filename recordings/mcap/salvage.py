@@ -6,7 +6,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceItem
+from analysis.signals.blocks import EndReason, SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
 from recordings.errors import DamagedError, RecordingError, UnknownFormatError
 from recordings.mcap.container import RECORD, ChunkLocation, Container
@@ -107,29 +107,25 @@ class SequenceFilter:
         self._is_open = False
         self._is_broken = False
 
-    def add_block(self, block: SampleBlock) -> Iterator[SourceItem]:
-        """Take the next block of the file; yield it, after the end of the segment before, if it is in sequence."""
-        if block.segment < self._segment or (block.segment == self._segment and not self._is_open):
-            return
-        if block.segment > self._segment:
-            yield from self.finish()
-            self._segment, self._next_sample = block.segment, 0
-            self._is_open, self._is_broken = True, False
-        if self._is_broken or block.first_sample != self._next_sample:
-            self._is_broken = True
-            return
-        self._next_sample = block.end
-        yield block
+    def add(self, item: SourceItem) -> Iterator[SourceItem]:
+        """Take the next item of the file and yield it in sequence, after the end of the segment before.
 
-    def add_segment_end(self, end: SegmentEnd) -> Iterator[SourceItem]:
-        """Take the next segment end of the file; yield it, with what was dropped added to the loss."""
-        if end.segment < self._segment or (end.segment == self._segment and not self._is_open):
+        A segment end is yielded with what was dropped added to the loss.
+        """
+        if item.segment < self._segment or (item.segment == self._segment and not self._is_open):
             return
-        if end.segment > self._segment:
+        if item.segment > self._segment:
             yield from self.finish()
-            self._segment, self._next_sample = end.segment, 0
-        self._is_open = False
-        yield self._end(end)
+            self._segment, self._next_sample = item.segment, 0
+            self._is_open, self._is_broken = True, False
+        if isinstance(item, SegmentEnd):
+            self._is_open = False
+            yield self._end(item)
+        elif self._is_broken or item.first_sample != self._next_sample:
+            self._is_broken = True
+        else:
+            self._next_sample = item.end
+            yield item
 
     def finish(self) -> Iterator[SourceItem]:
         """Yield the end of the open segment, if there is one."""

@@ -246,16 +246,16 @@ def test_duplicate_and_late_blocks_are_dropped(make_block: MakeBlock) -> None:
     ends = {0: SegmentEnd(0, 100, EndReason.OVERRUN), 1: SegmentEnd(1, 100, EndReason.STOPPED)}
     sequence = SequenceFilter(ends)
     first, second = make_block(0, 0, 100), make_block(1, 0, 100)
-    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == [first, ends[0]]
-    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == []
-    assert list(sequence.add_block(second)) == [second]
-    assert [*sequence.add_block(first), *sequence.add_segment_end(ends[0])] == []
+    assert [*sequence.add(first), *sequence.add(ends[0])] == [first, ends[0]]
+    assert [*sequence.add(first), *sequence.add(ends[0])] == []
+    assert list(sequence.add(second)) == [second]
+    assert [*sequence.add(first), *sequence.add(ends[0])] == []
     assert list(sequence.finish()) == [ends[1]]
     assert list(sequence.finish()) == []
 
 
 def test_a_segment_without_its_beginning_has_an_empty_end(make_block: MakeBlock) -> None:
     sequence = SequenceFilter({})
-    assert list(sequence.add_block(make_block(0, 100, 100))) == []
+    assert list(sequence.add(make_block(0, 100, 100))) == []
     (end,) = sequence.finish()
     assert end == SegmentEnd(0, 0, EndReason.CUT, 0, lost_is_exact=False, detail="the recording breaks off here")

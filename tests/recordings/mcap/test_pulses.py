@@ -17,7 +17,7 @@ from recordings.integrity.file_checks import Check, Finding, PulseCheck
 from recordings.integrity.verify import verify
 from recordings.mcap import rig_pb2
 from recordings.mcap.header import header_from_json, to_json
-from recordings.mcap.messages import PulseEncoder, PulseMerger
+from recordings.mcap.messages import ItemDecoder, PulseEncoder
 from recordings.mcap.reader import RunReader
 from recordings.mcap.results import encode_snapshot
 from recordings.mcap.writer import RunWriter
@@ -125,7 +125,7 @@ def test_stamps_of_an_interval_are_read(run: Path) -> None:
 def test_stamps_are_merged_into_later_blocks_though_one_block_is_missing(
     counted: RunHeader, blocks: list[SampleBlock]
 ) -> None:
-    encoder, merger = PulseEncoder(counted.acquisition), PulseMerger(counted.acquisition)
+    encoder, merger = PulseEncoder(counted.acquisition), ItemDecoder(counted.acquisition)
     messages = [encoder.encode(block) for block in blocks[:3]]
     for message in messages:
         assert message is not None
