@@ -21,6 +21,7 @@ MIN_BEATS = 3.0  # of a neighbour with the order in these frames
 MAX_NEIGHBOUR_CHANGE = 0.5  # of a neighbour from the first half of these frames to the second
 MAX_NEIGHBOUR_RESIDUAL = 0.5  # of the fit with a neighbour to that without
 MIN_NEIGHBOUR_SIGMAS = 3.0  # amplitude of a neighbour over that of the noise
+BIAS_LEFT = 0.5  # of the bias of fourth order: its uncertainty
 MIN_BIAS_SIGMAS = 6.0  # standard deviations of the window's bias that is subtracted
 FLOOR_LINES = 6  # lines on either side of the order, beyond the main lobe, for the noise floor
 
@@ -114,8 +115,8 @@ def track_order(record: AngularRecord, order: float, *, revolutions: int = 16, o
     of the whole orders (see `analysis.signals.uncertainty`).
 
     A window averages: where the vector changes on a ramp through a resonance, it reads the vector plus moments of the
-    window times the vector's second and fourth derivative. The second is subtracted by differences of successive
-    frames, the fourth is part of the uncertainty; frames of half the length are used where their uncertainty is less.
+    window times the vector's second and fourth derivative. Both are subtracted by differences of successive frames, and
+    half the latter is part of the uncertainty; frames of half the length are used where their uncertainty is less.
     """
     if not 0.0 < order <= record.highest_order or revolutions < 4:
         raise ValueError(
@@ -165,18 +166,19 @@ def _estimate(
     vectors = found[:, :, 0] * np.exp(-2j * np.pi * order * frames.turns)
     noise = noise_floor_sigma(_floor(np.abs(found[:, :, 1:])))
     neighbour, tone, noise = _neighbours(vectors, noise, order, frames)
-    corrected, sigma, biased = _without_bias(vectors - tone, noise, frames)
+    turned = order * np.abs(vectors) * frames.angle_sigma  # by errors of the angle
+    corrected, sigma, biased = _without_bias(vectors - tone, noise, turned, frames)
     of_frame = np.asarray(biased.any(axis=0))
     return corrected, np.hypot(sigma, frames.clipping_sigma), of_frame, neighbour, np.abs(tone)
 
 
 def _without_bias(
-    vectors: ComplexArray, noise: FloatArray, frames: RevolutionFrames
+    vectors: ComplexArray, noise: FloatArray, turned: FloatArray, frames: RevolutionFrames
 ) -> tuple[ComplexArray, FloatArray, BoolArray]:
     """Return vectors minus the window's bias, their standard deviation, and where the bias stood out of the noise.
 
-    The bias of second order follows from second differences of vectors about a quarter of a frame apart. What is left
-    of fourth order, or a bias that does not stand out, is part of the standard deviation.
+    The bias of second and fourth order follows from differences of vectors about a quarter of a frame apart. Half of
+    that of fourth order, for what is left, or a bias that does not stand out, is part of the standard deviation.
     """
     apart = max(round(frames.revolutions / (4 * frames.step)), 1)
     sigma = np.tile(noise, (2, 1))
@@ -185,15 +187,17 @@ def _without_bias(
     ratio = (frames.revolutions / (apart * frames.step)) ** 2
     part = 0.5 * HANN.second_moment * ratio  # of the second difference
     fourth = HANN.fourth_moment * ratio**2 / 24.0 - part**2 - part / 12.0
-    second, usual = _second_difference(vectors, apart), np.maximum(noise, np.median(noise))
+    second, usual = _second_difference(vectors, apart), np.hypot(np.maximum(noise, np.median(noise)), turned)
     near, far = (HANN.correlation(frames.revolutions, lag * apart * frames.step) for lag in (1, 2))
     biased = np.abs(part * second) > MIN_BIAS_SIGMAS * part * np.sqrt(6.0 + 2.0 * far - 8.0 * near) * usual
     biased[:, :apart] = biased[:, vectors.shape[1] - apart :] = False  # whose curvature is that of other frames
     own = 1.0 + 2.0 * part
     inflation = np.sqrt(own**2 + 2.0 * part**2 * (1.0 + far) - 4.0 * own * part * near)
-    left = np.abs(np.where(biased, fourth * _second_difference(second, apart), part * second))
-    sigma = np.hypot(np.where(biased, inflation, 1.0) * noise, left)
-    return vectors - np.where(biased, part * second, 0.0), sigma, biased
+    of_fourth_order = fourth * _second_difference(second, apart)
+    left = np.where(biased, BIAS_LEFT * np.abs(of_fourth_order), np.abs(part * second))
+    beside = np.minimum(noise, np.median(noise))  # the sidebands of an order that changes are no noise
+    sigma = np.hypot(np.where(biased, inflation * beside, noise), left)
+    return vectors - np.where(biased, part * second + of_fourth_order, 0.0), sigma, biased
 
 
 def _second_difference(values: ComplexArray, apart: int) -> ComplexArray:
