@@ -369,7 +369,7 @@ def run_record(args: argparse.Namespace, console: TerminalOutput) -> int:
             return outcome.exit_code or EXIT_INTERRUPTED
         console.done()
     if args.json and len(run_summaries) > 1:
-        print_json([*run_summaries])
+        print_json(run_summaries)
     else:
         for summary in run_summaries:
             print_summary(summary, as_json=args.json)

@@ -12,14 +12,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:  # rich and pydantic take a tenth of a second each, which `rig mark` does not need
     from rich.console import Console, ConsoleOptions, RenderableType
     from rich.live import Live
     from rich.table import Table
 
-    from daq.schemas.units import Schema
 
 Cell = float | str
 
@@ -164,15 +163,12 @@ def format_number(cell: Cell) -> str:
     return f"{cell:,.1f}" if size >= 1000 else f"{cell:.{max(0, 3 - math.floor(math.log10(size)))}f}"
 
 
-def print_json(content: "Schema | Sequence[Schema] | dict[str, Any]") -> None:
-    """Print a schema, a list of schemas or a service's response as JSON; with ASCII escapes unless stdout is UTF-8."""
-    plain: object = content
-    if isinstance(content, Sequence):
-        plain = [each.model_dump(mode="json") for each in content]
-    elif not isinstance(content, dict):
-        plain = json.loads(content.model_dump_json())
+def print_json(content: object) -> None:
+    """Print schemas or a service's response as JSON; with ASCII escapes unless stdout is UTF-8."""
+    from pydantic_core import to_jsonable_python
+
     is_utf8 = codecs.lookup(sys.stdout.encoding or "ascii").name == "utf-8"
-    print(json.dumps(plain, ensure_ascii=not is_utf8, indent=2))
+    print(json.dumps(to_jsonable_python(content), ensure_ascii=not is_utf8, indent=2))
 
 
 def fit_to_width(text: str, width: int) -> str:
