@@ -76,6 +76,8 @@ def create_app(
     ------
     ServiceError
         Other machines can reach ``host`` and there is no token, or a header cannot carry the token.
+    ValueError
+        ``viewer_url`` is no URL of http or https.
     """
     _check_access(host, token)
     app = FastAPI(
@@ -94,6 +96,7 @@ def create_app(
     )
     app.state.service = state
     app.state.viewer_url = viewer_url
+    app.state.viewer_origin = pages.origin(viewer_url) if viewer_url else pages.NO_SOURCE
     common = (
         ProblemType.HOST_NOT_ALLOWED,
         ProblemType.INTERNAL_ERROR,

@@ -23,6 +23,8 @@ CONTENT_POLICY: Final = (
     "frame-src {frame_source}; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
 )
 
+NO_SOURCE: Final = "'none'"
+
 Schema: TypeAlias = Mapping[str, Any]
 
 router = APIRouter(include_in_schema=False)
@@ -32,9 +34,7 @@ templates = Jinja2Templates(directory=CONSOLE)
 @router.get("/")
 def page(request: Request) -> HTMLResponse:
     """Return the operator's page with its viewer."""
-    viewer_url: str = request.app.state.viewer_url
-    frame_source = origin(viewer_url) if viewer_url else "'none'"
-    return _html(request, "page.html", {"viewer": viewer_url}, frame_source)
+    return _html(request, "page.html", {"viewer": request.app.state.viewer_url}, request.app.state.viewer_origin)
 
 
 @router.get("/docs")
@@ -46,10 +46,10 @@ def reference(request: Request) -> HTMLResponse:
     def example_text(of: Schema) -> str:
         return json.dumps(example(of, schemas), indent=2, ensure_ascii=False)
 
-    return _html(request, "reference.html", {**schema, "problem_types": ProblemType, "example": example_text}, "'none'")
+    return _html(request, "reference.html", {**schema, "problem_types": ProblemType, "example": example_text})
 
 
-def _html(request: Request, template: str, context: dict[str, Any], frame_source: str) -> HTMLResponse:
+def _html(request: Request, template: str, context: dict[str, Any], frame_source: str = NO_SOURCE) -> HTMLResponse:
     headers = {
         "Cache-Control": "no-cache",
         "Origin-Agent-Cluster": "?1",  # a busy viewer in the frame must not hold up the values

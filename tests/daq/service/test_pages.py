@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from daq.reports.registry import KINDS
-from daq.service.pages import CONSOLE, origin
+from daq.service.app import create_app
+from daq.service.pages import CONSOLE
 from daq.service.problems import ProblemType
-from tests.daq.support.service_bench import Bench, open_bench
+from tests.daq.support.service_bench import Bench, fake_state, open_bench
 
 ASSETS = sorted(f"console/{file.name}" for file in Path(CONSOLE).iterdir() if file.suffix in {".js", ".css", ".svg"})
 VIEWER = "http://127.0.0.1:9090/?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A9876%2Fproxy&theme=dark"
@@ -118,9 +119,9 @@ def test_page_without_a_viewer_allows_no_frames() -> None:
 @pytest.mark.parametrize(
     "url", ["javascript:alert(1)", "viewer", "http://", "http://a b/", "http://x; script-src *", 'http://x"><script>']
 )
-def test_invalid_viewer_url_is_refused(url: str) -> None:
+def test_invalid_viewer_url_is_refused(tmp_path: Path, url: str) -> None:
     with pytest.raises(ValueError, match="viewer_url"):
-        origin(url)
+        create_app(fake_state(tmp_path), url)
 
 
 def test_reference_describes_every_problem_field_and_route(bench: Bench) -> None:
