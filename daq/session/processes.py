@@ -153,6 +153,7 @@ class WorkerProcess:
         timer = threading.Timer(time_limit, expire)  # also where the process stops in the middle of a message
         timer.daemon = True
         timer.start()
+        death: Exception | None = None
         try:
             pipe.send((function, arguments, on_progress is not None))
             message_type, content = pipe.recv()
@@ -161,11 +162,16 @@ class WorkerProcess:
                 message_type, content = pipe.recv()
         except (OSError, EOFError) as error:
             self.kill()  # it may be about to end
-            if expired.is_set():
-                raise WorkerTimeoutError(f"not done after {time_limit:g} s") from error
-            raise WorkerStoppedError(SHUTTING_DOWN if self._is_closed else "the worker process died") from error
+            death = error
         finally:
             timer.cancel()
+        # In these cases also a message that did arrive is worthless: compilers swallow the exit that SIGTERM requests.
+        if expired.is_set():
+            raise WorkerTimeoutError(f"not done after {time_limit:g} s") from death
+        if self._is_closed:
+            raise WorkerStoppedError(SHUTTING_DOWN) from death
+        if death is not None:
+            raise WorkerStoppedError("the worker process died") from death
         if message_type is _MessageType.FAILED:
             raise content
         result: ResultT = content

@@ -169,6 +169,23 @@ def test_close_cancels_running_functions() -> None:
     assert progress == ["the program is shutting down"] * 2
 
 
+def fail_when_terminated() -> None:
+    try:
+        time.sleep(60.0)
+    except SystemExit as error:  # as numba does while it compiles
+        raise ValueError("half done") from error
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such signal there")
+def test_function_that_swallows_its_termination_exceeds_its_time_limit() -> None:
+    process = WorkerProcess(NICENESS)
+    process.run(len, "")
+    with pytest.raises(WorkerTimeoutError):
+        process.run(fail_when_terminated, time_limit=0.5)
+    assert process.run(len, "abc") == 3
+    process.close()
+
+
 def hang() -> None:
     os.kill(os.getpid(), signal.SIGSTOP)
 
