@@ -132,9 +132,11 @@ def _middleware(host: str, token: str | None, origins: frozenset[str]) -> list[M
 
 @asynccontextmanager
 async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
-    yield
-    state: ServiceState = app.state.service
-    state.uploads.close()
+    try:
+        yield
+    finally:  # also where a response in progress hangs, so that the server cancels all
+        state: ServiceState = app.state.service
+        state.uploads.close()
 
 
 def _check_access(host: str, token: str | None) -> None:

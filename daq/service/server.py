@@ -175,8 +175,10 @@ class ServiceServer:
 
 def _is_relevant(record: logging.LogRecord) -> bool:
     """Return whether a record concerns the operator: not a refused socket or a response cancelled at shutdown."""
+    message = record.getMessage()
     is_cancelled = record.exc_info is not None and isinstance(record.exc_info[1], asyncio.CancelledError)
-    return not is_cancelled and "without completing handshake" not in record.getMessage()
+    is_lifespan = message.rstrip().endswith(asyncio.CancelledError.__name__)  # a traceback as text, by Starlette
+    return not (is_cancelled or is_lifespan or "without completing handshake" in message)
 
 
 def _listen(host: str, port: int) -> socket.socket:

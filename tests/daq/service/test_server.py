@@ -5,11 +5,13 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
 from ipaddress import IPv4Address
 
 import httpx
 import pytest
+from fastapi import FastAPI
 from starlette.types import Receive, Scope, Send
 
 from daq.errors import ServiceError
@@ -115,6 +117,33 @@ def test_close_does_not_wait_longer_than_its_deadline(caplog: pytest.LogCaptureF
         began = time.monotonic()
         server.close(deadline=0.3)
         assert time.monotonic() - began < 30.0
+    assert not caplog.records
+
+
+def test_close_ends_the_lifespan_beside_a_hung_response(caplog: pytest.LogCaptureFixture) -> None:
+    requested, ended = threading.Event(), threading.Event()
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            ended.set()
+
+    application = FastAPI(lifespan=lifespan)
+
+    @application.get("/")
+    async def hang() -> None:
+        requested.set()
+        await asyncio.sleep(60.0)
+
+    server = ServiceServer(application)
+    server.start()
+    with socket.create_connection(("127.0.0.1", server.port)) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert requested.wait(60.0)
+        server.close(deadline=0.3)
+    assert ended.wait(60.0)
     assert not caplog.records
 
 
