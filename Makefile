@@ -9,7 +9,7 @@ READY := $(VENV)/ready
 ORACLE := .venv-oracle/ready
 RIG ?= rigs/bench.toml
 TYPESCRIPT := typescript@5.9.3
-TSC := npx --yes --package $(TYPESCRIPT) tsc
+TSC := npx --yes --prefer-offline --fetch-retries=0 --package $(TYPESCRIPT) tsc
 # Without byte-compilation, which takes pip longer than Python needs for the modules that a command imports.
 PIP = $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --constraint constraints.txt
 

@@ -112,32 +112,36 @@ def run_sweep_command(args: argparse.Namespace, console: TerminalOutput) -> int:
 
 
 def _study(points: list[SweepPoint], results: list[SweepResult], file: Path) -> Study:
+    title, result_names = f"Sweep: {points[0].quantity}", QUANTITIES[points[0].quantity].results
     names = [name for name, _ in points[0].values]
-    result_names = QUANTITIES[points[0].quantity].results
-    columns: dict[str, FloatArray | tuple[str, ...]] = {
-        name: np.array([dict(point.values)[name] for point in points]) for name in names
-    }
+    varied = np.array([[value for _, value in point.values] for point in points])
     found = np.array([outcome.results for outcome in results])
-    for number, name in enumerate(result_names):
-        columns[name] = found[:, number]
+    columns: dict[str, FloatArray | tuple[str, ...]] = dict(
+        zip((*names, *result_names), np.hstack((varied, found)).T, strict=True)
+    )
     faults = sum(bool(outcome.fault) for outcome in results)
     if faults:
         columns["fault"] = tuple(outcome.fault for outcome in results)
     remarks = (f"{len(points):,} points in {file}" + (f", {faults:,} without result" if faults else ""),)
-    others = np.array([[value for _, value in point.values[1:]] for point in points])
-    first = np.array([point.values[0][1] for point in points])
-    plots = []
-    for number, name in enumerate(result_names):
-        series = []
-        for group in np.unique(others, axis=0) if others.size else [np.empty(0)]:
-            in_group = np.all(others == group, axis=1) if others.size else np.ones(len(points), bool)
-            label = ", ".join(f"{one} {value:.4g}" for one, value in zip(names[1:], group, strict=True))
-            order = np.argsort(first[in_group], kind="stable")
-            series.append(Series(label, first[in_group][order], found[in_group, number][order]))
-        drawn = series if len(series) <= MAX_CURVES else [Series("", first, found[:, number], Style.POINTS)]
-        title = f"Sweep: {points[0].quantity}" if number == 0 else ""
-        plots.append(Plot(title, axis_label(names[0]), axis_label(name), tuple(drawn)))
-    return Study(f"Sweep: {points[0].quantity}", columns, tuple(plots), remarks)
+    plots = tuple(
+        Plot(title if k == 0 else "", axis_label(names[0]), axis_label(name), _series(names, varied, found[:, k]))
+        for k, name in enumerate(result_names)
+    )
+    return Study(title, columns, plots, remarks)
+
+
+def _series(names: list[str], varied: FloatArray, result: FloatArray) -> tuple[Series, ...]:
+    """Return a result over the first parameter: a curve for each combination of the others, or points of all."""
+    groups, group_of = np.unique(varied[:, 1:], axis=0, return_inverse=True)
+    if len(groups) > MAX_CURVES:
+        return (Series("", varied[:, 0], result, Style.POINTS),)
+    order = np.argsort(varied[:, 0], kind="stable")
+    series = []
+    for k, group in enumerate(groups):
+        label = ", ".join(f"{name} {value:.4g}" for name, value in zip(names[1:], group, strict=True))
+        rows = order[group_of.ravel()[order] == k]
+        series.append(Series(label, varied[rows, 0], result[rows]))
+    return tuple(series)
 
 
 def axis_label(name: str) -> str:
