@@ -4,18 +4,21 @@ import asyncio
 import threading
 import time
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Annotated, Protocol, TypeVar, TypeVarTuple
 
 from anyio import CapacityLimiter, to_thread
-from fastapi import Depends, Path
+from fastapi import Depends, Path, Request, Response
 from fastapi.requests import HTTPConnection
+from fastapi.responses import StreamingResponse
 
 from daq.reports.run_summaries import Summaries
 from daq.schemas.events import AcknowledgedAlarmsSchema, MarkerSchema
 from daq.schemas.live import live_schema
 from daq.schemas.snapshot import live_curves_schema
 from daq.schemas.units import Schema
+from daq.service.http_semantics import EVENT_STREAM
 from daq.service.jobs.queue import JobQueue
 from daq.service.problems import ProblemError, ProblemType
 from daq.service.results_reader import ResultsReader
@@ -26,7 +29,9 @@ from recordings.catalogue.catalogue import Catalogue, RunEntry
 
 VALUES_INTERVAL = 0.1  # s
 CURVES_INTERVAL = 0.25  # s
-MAX_CLIENTS = 64
+JOB_INTERVAL = 0.2  # s
+MAX_LIVE_CLIENTS = 64
+MAX_JOB_CLIENTS = 16
 KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
 
 
@@ -57,8 +62,69 @@ def require_ended(live: LiveRun, run: str) -> None:
         raise ProblemError(ProblemType.RUN_UNDER_WAY, f"run {run} is still {update.status.state.value}")
 
 
-class LiveStream:
-    """Sends each change of the live run to all clients; a slow client skips updates and delays no other.
+class ChangeStream:
+    """Sends the changes of a text to a limited number of clients; a slow client skips changes and delays no other.
+
+    Parameters
+    ----------
+    interval : float
+        Polling interval, s.
+    max_clients : int
+        Maximum number of clients.
+    closing : Event
+        Ends the streams of all clients.
+    """
+
+    def __init__(self, interval: float, max_clients: int, closing: threading.Event) -> None:
+        self._interval = interval
+        self._max_clients = max_clients
+        self._closing = closing
+        self._n_clients = 0
+
+    def require_capacity(self) -> None:
+        """Raise ProblemError (busy) if there are too many clients."""
+        if self._n_clients >= self._max_clients or self._closing.is_set():
+            raise ProblemError(ProblemType.BUSY, f"{self._n_clients} clients follow; the limit is {self._max_clients}")
+
+    async def changes(self, texts: AsyncIterator[str]) -> AsyncIterator[str]:
+        """Yield the first text, then each that differs from the one before; an empty text is a keep-alive.
+
+        Raises
+        ------
+        ProblemError
+            There are too many clients.
+        """
+        self.require_capacity()
+        self._n_clients += 1
+        sent, idle_time = "", 0.0
+        try:
+            async for text in texts:
+                if text != sent or idle_time >= KEEP_ALIVE_INTERVAL:
+                    yield "" if text == sent else text
+                    sent, idle_time = text, 0.0
+                await asyncio.sleep(self._interval)
+                idle_time += self._interval
+                if self._closing.is_set():
+                    return
+        finally:
+            self._n_clients -= 1
+
+    def event_response(self, request: Request, name: str, texts: AsyncIterator[str]) -> Response:
+        """Return the changes as server-sent events of a type."""
+        self.require_capacity()
+        if request.scope.get("rig.head"):
+            return Response(media_type=EVENT_STREAM)
+        events = self._events(name, texts)
+        return StreamingResponse(events, media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
+
+    async def _events(self, name: str, texts: AsyncIterator[str]) -> AsyncIterator[str]:
+        with suppress(ProblemError):  # another client took the last place: the stream ends, the client reconnects
+            async for text in self.changes(texts):
+                yield f"event: {name}\ndata: {text}\n\n" if text else ": keep-alive\n\n"
+
+
+class LiveStream(ChangeStream):
+    """Sends the latest update of the live run as JSON, made once for all clients.
 
     Parameters
     ----------
@@ -66,49 +132,25 @@ class LiveStream:
         The current run.
     schema_of : callable
         Converts an update to the schema that is sent.
-    interval : float
-        Polling interval, s.
-    closing : Event
-        Ends the updates of all clients.
+    interval, closing : float, Event
+        As for `ChangeStream`.
     """
 
     def __init__(
         self, live: LiveRun, schema_of: Callable[[LiveUpdate], Schema], interval: float, closing: threading.Event
     ) -> None:
+        super().__init__(interval, MAX_LIVE_CLIENTS, closing)
         self._live = live
         self._schema_of = schema_of
-        self._interval = interval
-        self._closing = closing
-        self._n_clients = 0
         self._update: LiveUpdate | None = None
         self._text = "null"
 
-    async def updates(self) -> AsyncIterator[str]:
-        """Yield the current update as JSON, then each change; ``null`` if there is no run.
+    async def texts(self) -> AsyncIterator[str]:
+        """Yield the latest update whenever it is requested; ``null`` if there is no run."""
+        while True:
+            yield self._latest()
 
-        An empty text is a keep-alive. Raises ProblemError (busy) if there are too many clients.
-        """
-        self.require_capacity()
-        self._n_clients += 1
-        sent, idle_time = "", 0.0
-        try:
-            while not self._closing.is_set():
-                text = self._latest_text()
-                if text != sent or idle_time >= KEEP_ALIVE_INTERVAL:
-                    yield "" if text == sent else text
-                    sent, idle_time = text, 0.0
-                await asyncio.sleep(self._interval)
-                idle_time += self._interval
-        finally:
-            self._n_clients -= 1
-
-    def require_capacity(self) -> None:
-        """Raise ProblemError (busy) if there are too many clients."""
-        if self._n_clients >= MAX_CLIENTS or self._closing.is_set():
-            raise ProblemError(ProblemType.BUSY, f"{self._n_clients} clients follow the live run already")
-
-    def _latest_text(self) -> str:
-        """Return the latest update as JSON, made once for all clients."""
+    def _latest(self) -> str:
         update, before = self._live.latest(), self._update
         if update is None or before is None:
             is_same = update is before
@@ -180,8 +222,8 @@ class ServiceState:
         Values and curves of the live run for the clients that follow it.
     closing : Event
         Set before shutdown: endless responses end.
-    job_followers : int
-        Number of clients that follow a job.
+    job_changes : ChangeStream
+        Progress of the jobs for the clients that follow one.
     started_at : float
         Start of the service on the monotonic clock, s.
     lookups, summary_threads, result_threads, edits, starts : BoundedThreadPool
@@ -200,7 +242,7 @@ class ServiceState:
     values: LiveStream = field(init=False)
     curves: LiveStream = field(init=False)
     closing: threading.Event = field(default_factory=threading.Event)
-    job_followers: int = 0
+    job_changes: ChangeStream = field(init=False)
     started_at: float = field(default_factory=time.monotonic)
     lookups: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=4, waiting=64))
     summary_threads: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=2, waiting=16))
@@ -214,6 +256,7 @@ class ServiceState:
         self.upload_receiver = UploadReceiver(MAX_UPLOAD_SIZE)
         self.values = LiveStream(self.live, live_schema, VALUES_INTERVAL, self.closing)
         self.curves = LiveStream(self.live, live_curves_schema, CURVES_INTERVAL, self.closing)
+        self.job_changes = ChangeStream(JOB_INTERVAL, MAX_JOB_CLIENTS, self.closing)
 
 
 async def service_state(connection: HTTPConnection) -> ServiceState:  # async: FastAPI runs others in a thread

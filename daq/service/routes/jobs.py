@@ -1,6 +1,5 @@
 """Routes of jobs: create, list, follow, cancel, and download results."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from functools import partial
 from typing import Annotated, Any, Final
@@ -15,7 +14,6 @@ from daq.service.http_semantics import (
     API_PREFIX,
     BINARY,
     BODY_PROBLEMS,
-    EVENT_STREAM,
     NOT_MODIFIED,
     OCTET_STREAM,
     JsonRoute,
@@ -36,9 +34,6 @@ from daq.service.problems import ProblemError, ProblemType, problems
 from daq.service.routes.results import ANALYSIS_CONTENT, JSON, MEDIA_TYPES
 from daq.service.state import ServiceState, State, ended_run
 
-POLL_INTERVAL: Final = 0.2  # s
-KEEP_ALIVE_INTERVAL: Final = 15.0  # s without a change until a comment shows that the service is alive
-MAX_FOLLOWERS: Final = 16
 RESULT_RESPONSES: Final[dict[int | str, dict[str, Any]]] = {
     200: {
         "description": "The result",
@@ -142,33 +137,15 @@ async def delete_job(state: State, job: JobId) -> JobSchema:
 async def stream_job(state: State, request: Request, job: JobId) -> Response:
     """Send server-sent events of type `job` with the job's JSON as data, until the job ends."""
     found = await state.lookups.run(state.jobs.job, job)
-    if request.scope.get("rig.head"):
-        return Response(media_type=EVENT_STREAM)
-    if state.job_followers >= MAX_FOLLOWERS or state.closing.is_set():
-        raise ProblemError(ProblemType.BUSY, f"{state.job_followers} clients follow jobs; the limit is {MAX_FOLLOWERS}")
-    return StreamingResponse(_events(state, found), media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
+    return state.job_changes.event_response(request, "job", _texts(state, found))
 
 
-async def _events(state: ServiceState, job: JobSchema) -> AsyncIterator[str]:
-    state.job_followers += 1
-    try:
-        yield _event_text(job)
-        idle_time = 0.0
-        while not job.state.is_final and not state.closing.is_set():
-            await asyncio.sleep(POLL_INTERVAL)
-            previous, job = job, await to_thread.run_sync(_latest, state, job)
-            idle_time = 0.0 if job != previous else idle_time + POLL_INTERVAL
-            if job != previous:
-                yield _event_text(job)
-            elif idle_time >= KEEP_ALIVE_INTERVAL:
-                idle_time = 0.0
-                yield ": keep-alive\n\n"
-    finally:
-        state.job_followers -= 1
-
-
-def _event_text(job: JobSchema) -> str:
-    return f"event: job\ndata: {job.model_dump_json()}\n\n"
+async def _texts(state: ServiceState, job: JobSchema) -> AsyncIterator[str]:
+    """Yield the state of a job whenever it is requested, until it is final."""
+    yield job.model_dump_json()
+    while not job.state.is_final:
+        job = await to_thread.run_sync(_latest, state, job)
+        yield job.model_dump_json()
 
 
 def _latest(state: ServiceState, job: JobSchema) -> JobSchema:

@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator
 from contextlib import suppress
 from enum import StrEnum
 from typing import Final
@@ -16,7 +15,7 @@ from daq.schemas.live import LiveSchema, live_schema
 from daq.schemas.runs import RunId
 from daq.schemas.snapshot import LiveCurvesSchema, live_curves_schema
 from daq.schemas.units import Schema
-from daq.service.http_semantics import BODY_PROBLEMS, EVENT_STREAM, JsonRoute, event_stream
+from daq.service.http_semantics import BODY_PROBLEMS, JsonRoute, event_stream
 from daq.service.problems import ProblemError, ProblemType, problem_response, problems
 from daq.service.state import LiveStream, ServiceState, State
 from daq.session.live_update import LiveUpdate, RunState
@@ -124,7 +123,7 @@ async def stream_live_run(state: State, request: Request) -> Response:
     `/api/v1/live/socket` sends the same JSON as text messages; if a token is required, a browser names the
     subprotocols `rig.live` and `token.<token>`.
     """
-    return _event_response(request, state.values, "live")
+    return state.values.event_response(request, "live", state.values.texts())
 
 
 @router.get(
@@ -138,7 +137,7 @@ async def stream_live_curves(state: State, request: Request) -> Response:
 
     Up to four times a second; the WebSocket `/api/v1/live/curves/socket` sends the same.
     """
-    return _event_response(request, state.curves, "curves")
+    return state.curves.event_response(request, "curves", state.curves.texts())
 
 
 @router.websocket("/live/socket")
@@ -153,20 +152,6 @@ async def live_curves_socket(state: State, socket: WebSocket) -> None:
     await _send_updates(socket, state.curves)
 
 
-def _event_response(request: Request, stream: LiveStream, name: str) -> Response:
-    stream.require_capacity()
-    if request.scope.get("rig.head"):
-        return Response(media_type=EVENT_STREAM)
-    events = _events(stream, name)
-    return StreamingResponse(events, media_type=EVENT_STREAM, headers={"X-Accel-Buffering": "no"})
-
-
-async def _events(stream: LiveStream, name: str) -> AsyncIterator[str]:
-    with suppress(ProblemError):  # another client took the last place: the stream ends, the client reconnects
-        async for text in stream.updates():
-            yield f"event: {name}\ndata: {text}\n\n" if text else ": keep-alive\n\n"
-
-
 async def _send_updates(socket: WebSocket, stream: LiveStream) -> None:
     """Send each update as a text message until the client is gone."""
     try:
@@ -178,7 +163,7 @@ async def _send_updates(socket: WebSocket, stream: LiveStream) -> None:
 
     async def send() -> None:
         with suppress(WebSocketDisconnect, ProblemError, RuntimeError):
-            async for text in stream.updates():
+            async for text in stream.changes(stream.texts()):
                 if text:
                     await socket.send_text(text)
             await socket.close(1001)

@@ -15,7 +15,7 @@ from websockets.typing import Origin, Subprotocol
 
 from analysis.signals.header import Severity
 from daq.schemas.live import LiveSchema
-from daq.service.state import MAX_CLIENTS
+from daq.service.state import MAX_LIVE_CLIENTS
 from tests.daq.support.live_updates import make_live_updates, with_alarm, with_further_alarms
 from tests.daq.support.recorded_bench import API, RecordedBench, open_recorded_bench
 
@@ -102,7 +102,7 @@ def test_slow_client_skips_updates_and_delays_no_other(bench: RecordedBench) -> 
 
 def test_client_above_the_limit_gets_busy(bench: RecordedBench) -> None:
     with ExitStack() as open_sockets:
-        for _ in range(MAX_CLIENTS):
+        for _ in range(MAX_LIVE_CLIENTS):
             open_sockets.enter_context(connect(socket_url(bench))).recv(60.0)
         with pytest.raises(InvalidStatus) as refused:
             open_sockets.enter_context(connect(socket_url(bench)))
