@@ -95,6 +95,7 @@ def create_app(
         middleware=_middleware(host, token, frozenset(cors_origins)),
     )
     app.state.service = state
+    app.state.reference = None
     app.state.viewer_url = viewer_url
     app.state.viewer_origin = pages.origin(viewer_url) if viewer_url else pages.NO_SOURCE
     common = (

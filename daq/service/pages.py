@@ -4,7 +4,6 @@ The reference is our own since FastAPI's load their scripts from another host, w
 the content security policy forbids.
 """
 
-import json
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any, Final, TypeAlias
@@ -39,14 +38,13 @@ def page(request: Request) -> HTMLResponse:
 
 @router.get("/docs")
 def reference(request: Request) -> HTMLResponse:
-    """Return the reference, from the OpenAPI schema."""
-    schema = request.app.openapi()
-    schemas = schema["components"]["schemas"]
-
-    def example_text(of: Schema) -> str:
-        return json.dumps(example(of, schemas), indent=2, ensure_ascii=False)
-
-    return _html(request, "reference.html", {**schema, "problem_types": ProblemType, "example": example_text})
+    """Return the reference, rendered from the OpenAPI schema on the first request."""
+    state = request.app.state
+    if state.reference is None:
+        schema = request.app.openapi()
+        state.reference = _html(request, "reference.html", {**schema, "problem_types": ProblemType, "example": example})
+    response: HTMLResponse = state.reference
+    return response
 
 
 def _html(request: Request, template: str, context: dict[str, Any], frame_source: str = NO_SOURCE) -> HTMLResponse:
@@ -89,3 +87,4 @@ def markdown(value: str) -> Markup:
 
 
 templates.env.filters["markdown"] = markdown
+templates.env.policies["json.dumps_kwargs"] = {"ensure_ascii": False}
