@@ -281,10 +281,6 @@ def follow(run: Run, stop: StopFlag, console: TerminalOutput) -> RunOutcome:
     return outcome
 
 
-ACKNOWLEDGE = "ack"
-"""A line with this text alone acknowledges alarms instead of adding a marker."""
-
-
 def start_marker_input(run: RecordedRun, console: TerminalOutput) -> bool:
     """Start a thread that adds a marker for each typed line; return whether stdin is a terminal.
 

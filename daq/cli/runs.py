@@ -137,12 +137,12 @@ def run_index(args: argparse.Namespace, console: TerminalOutput) -> int:
 
         print_json(IndexReportSchema.of(report))
     else:
-        for name, run_ids in (("new", report.new), ("changed", report.changed), ("missing", report.missing)):
-            for run_id in run_ids:
-                print(f"{name:9} {run_id}")
-        for run_id in damaged:
-            print(f"damaged   {run_id}: {faults[run_id]}")
-        print(f"{catalogue.folder}: {len(faults)} runs, {report.unchanged} unchanged")
+        changes = (("new", report.new), ("changed", report.changed), ("missing", report.missing))
+        rows = [(name, run_id) for name, run_ids in changes for run_id in run_ids]
+        rows += [("damaged", f"{run_id}: {faults[run_id]}") for run_id in damaged]
+        print_output(
+            grid(*rows, label_width=8), f"{catalogue.folder}: {len(faults)} runs, {report.unchanged} unchanged"
+        )
     return INCOMPLETE if damaged else 0
 
 
