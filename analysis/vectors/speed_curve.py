@@ -4,7 +4,7 @@ import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from analysis.signals.blocks import RampDirection, RampStep, RampTracker
 from analysis.signals.snapshot import OVERALL, OrderFrame, Snapshot
 from analysis.signals.units import NUMBER, PEAK, RPM, SPEED
 from analysis.spectra.windows import HANN
-from analysis.vectors.order_track import OrderTrack
+
+if TYPE_CHECKING:  # imports scipy, for which listing runs need not wait
+    from analysis.vectors.order_track import OrderTrack
 
 MIN_REVERSAL_OF_SPAN = 0.02  # of the speed range: a smaller change does not reverse the ramp direction
 MIN_REVERSAL_OF_SPEED = 0.005  # of the speed: likewise
@@ -108,7 +110,7 @@ class SpeedCurve:
         return tuple(found)
 
 
-def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
+def speed_curves(track: "OrderTrack", width: float) -> tuple[SpeedCurve, ...]:
     """Return the vectors of an order against speed, one curve for each ramp direction.
 
     Parameters
@@ -135,7 +137,7 @@ def speed_curves(track: OrderTrack, width: float) -> tuple[SpeedCurve, ...]:
     return tuple(curves)
 
 
-def _curve(track: OrderTrack, chosen: BoolArray, direction: RampDirection, width: float) -> SpeedCurve:
+def _curve(track: "OrderTrack", chosen: BoolArray, direction: RampDirection, width: float) -> SpeedCurve:
     number = np.round(track.speeds / width).astype(np.int64)
     bins = np.unique(number[chosen])
     speeds = np.empty(bins.size)

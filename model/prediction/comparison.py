@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from analysis.live.summary import RunSummary
 from analysis.signals.units import ANGLE, NUMBER, PEAK, SPEED
 from analysis.whirl.findings import WhirlFinding
-from model.prediction.prediction_map import PredictionMap
+
+if TYPE_CHECKING:  # imports the compiled model, for which schemas need not wait
+    from model.prediction.prediction_map import PredictionMap
 
 AMPLITUDE_TOLERANCE = 0.25  # of |ln ratio| between measured and predicted 1X: 28 % more, 22 % less
 PHASE_TOLERANCE = math.radians(30)
@@ -119,7 +121,7 @@ class Agreement:
     ]
 
 
-def compare(summary: RunSummary, prediction_map: PredictionMap) -> Agreement:
+def compare(summary: RunSummary, prediction_map: "PredictionMap") -> Agreement:
     """Compare the summary of a run with the predictions of the model.
 
     Parameters
@@ -141,7 +143,7 @@ def compare(summary: RunSummary, prediction_map: PredictionMap) -> Agreement:
     )
 
 
-def instability_onset(prediction_map: PredictionMap) -> float:
+def instability_onset(prediction_map: "PredictionMap") -> float:
     """Return the lowest speed at which the synchronous motion becomes unstable, rad/s; NaN if it is stable."""
     growth, speeds = prediction_map.growth_rate, prediction_map.speeds
     unstable = np.flatnonzero(growth > 0)
@@ -154,7 +156,7 @@ def instability_onset(prediction_map: PredictionMap) -> float:
     return float(speeds[first - 1] + part * (speeds[first] - speeds[first - 1]))
 
 
-def predicted_whirls(prediction_map: PredictionMap) -> tuple[PredictedWhirl, ...]:
+def predicted_whirls(prediction_map: "PredictionMap") -> tuple[PredictedWhirl, ...]:
     """Return the speed ranges of each whirl of the model, by rising onset speed."""
     found: list[list[int]] = []
     orders = prediction_map.whirl_order
@@ -176,7 +178,7 @@ def predicted_whirls(prediction_map: PredictionMap) -> tuple[PredictedWhirl, ...
     )
 
 
-def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> SynchronousAgreement | None:
+def _synchronous(summary: RunSummary, prediction_map: "PredictionMap") -> SynchronousAgreement | None:
     lowest, highest = prediction_map.speeds[0], prediction_map.speeds[-1]
     speeds, ratios = [], []
     for row in sorted(summary.rows, key=lambda row: row.speed):
@@ -210,7 +212,7 @@ def _synchronous(summary: RunSummary, prediction_map: PredictionMap) -> Synchron
     )
 
 
-def _whirls(summary: RunSummary, prediction_map: PredictionMap) -> tuple[WhirlAgreement, ...]:
+def _whirls(summary: RunSummary, prediction_map: "PredictionMap") -> tuple[WhirlAgreement, ...]:
     predicted = predicted_whirls(prediction_map)
     measured = _measured_whirls(summary)
     both = []

@@ -29,6 +29,7 @@ print("\\n" + json.dumps([code, sorted({name.partition(".")[0] for name in sys.m
         (["mark", "knocking", "--port", "9"], 2, COMPUTING | SERVING | STORING - {"numpy"}),
         (["acknowledge", "--help"], 0, COMPUTING | SERVING | STORING),
         (["runs"], 0, COMPUTING | SERVING | {"pydantic"}),
+        (["runs", "--json"], 0, COMPUTING | SERVING),
         (["annotate", "--help"], 0, COMPUTING | SERVING | {"pydantic", "rich"}),
     ],
 )
