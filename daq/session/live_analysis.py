@@ -10,13 +10,11 @@ from analysis.live.analyser import Analyser
 from analysis.live.summary import RunSummary, SummaryBuilder
 from analysis.signals.blocks import SegmentEnd, SourceItem
 from analysis.signals.header import RunHeader
-from analysis.signals.snapshot import RunOut, Snapshot
-from daq.session.live_update import LiveUpdate, LiveUpdateSink, Status, TimedMarker
-from model.prediction.prediction_map import Prediction
+from analysis.signals.snapshot import Snapshot
+from daq.session.live_update import LiveUpdate, LiveUpdateSink, RunState, Status, TimedMarker
+from daq.session.predictor import Predictor
 
 MAX_LIVE_MARKERS = 20  # the latest ones are shown
-
-Predict = Callable[[float], Prediction | None]
 
 
 class LiveAnalysis:
@@ -26,35 +24,30 @@ class LiveAnalysis:
     ----------
     header : RunHeader
         The run.
-    predict : callable
-        Returns the model's prediction at a speed, rad/s, without waiting; None where there is none.
+    model : Predictor
+        The model whose prediction is shown with every snapshot.
     sinks : sequence of LiveUpdateSink
         Consumers of the live updates.
-    on_snapshot : callable or None
-        Receives every snapshot, to store it with the samples.
-    on_alarm : callable or None
-        Receives every new alarm, to store it with the samples.
+    on_snapshot, on_alarm : callable
+        Receive every snapshot and every new alarm, to store them with the samples.
     """
 
     def __init__(
         self,
         header: RunHeader,
-        predict: Predict,
+        model: Predictor,
         sinks: Sequence[LiveUpdateSink],
-        on_snapshot: Callable[[Snapshot], None] | None = None,
-        on_alarm: Callable[[Alarm], None] | None = None,
+        on_snapshot: Callable[[Snapshot], None] = lambda _: None,
+        on_alarm: Callable[[Alarm], None] = lambda _: None,
     ) -> None:
-        self._header = header
-        self._predict = predict
+        self._model = model
         self._sinks = tuple(sinks)
         self._on_snapshot = on_snapshot
         self._on_alarm = on_alarm
         self._analyser = Analyser(header.acquisition, header.settings)
         self._summary = SummaryBuilder(header)
         self._lock = threading.Lock()
-        self._snapshot: Snapshot | None = None
-        self._prediction: Prediction | None = None
-        self._runout: RunOut | None = None
+        self._update = LiveUpdate(header, Status(RunState.STARTING))  # of the last snapshot
         self._alarms: tuple[Alarm, ...] = ()
         self._markers: deque[TimedMarker] = deque(maxlen=MAX_LIVE_MARKERS)
         self._acknowledged = 0  # number of the last acknowledged alarm
@@ -71,18 +64,16 @@ class LiveAnalysis:
 
     def _add_snapshot(self, snapshot: Snapshot) -> None:
         new_alarms = self._summary.add_snapshot(snapshot)
-        if self._on_snapshot is not None:
-            self._on_snapshot(snapshot)
-        if self._on_alarm is not None:
-            for alarm in new_alarms:
-                self._on_alarm(alarm)
-        prediction = self._predict(snapshot.speed)
+        self._on_snapshot(snapshot)
+        for alarm in new_alarms:
+            self._on_alarm(alarm)
+        prediction = self._model.at(snapshot.speed)
         with self._lock:
-            self._snapshot, self._prediction = snapshot, prediction
-            self._alarms, self._runout = self._summary.alarms, self._summary.runout
+            self._update = replace(self._update, snapshot=snapshot, prediction=prediction, runout=self._summary.runout)
+            self._alarms = self._summary.alarms
 
     def _shown_alarms(self) -> tuple[Alarm, ...]:
-        return visible_alarms(self._alarms, self._acknowledged, latch=self._header.limits.latch)
+        return visible_alarms(self._alarms, self._acknowledged, latch=self._update.header.limits.latch)
 
     def add_marker(self, marker: TimedMarker) -> None:
         """Show a marker in the live updates from now on, with up to ``MAX_LIVE_MARKERS - 1`` earlier ones."""
@@ -109,7 +100,7 @@ class LiveAnalysis:
                 acknowledged=acknowledged,
                 markers=tuple(self._markers),
             )
-            return LiveUpdate(self._header, status, self._snapshot, self._prediction, self._runout)
+            return replace(self._update, status=status)
 
     def offer(self, status: Status) -> None:
         """Offer the latest live update to all sinks."""

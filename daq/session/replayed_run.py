@@ -43,7 +43,7 @@ class ReplayedRun:
         self._header = header
         self._source = source
         self._model = model
-        self._analysis = LiveAnalysis(header, model.at, sinks)
+        self._analysis = LiveAnalysis(header, model, sinks)
         self._ends: list[SegmentEnd] = []
         self._samples = 0
         self._markers = sorted(

@@ -124,7 +124,7 @@ class RecordedRun:
             raise
         self._rate = self._header.acquisition.rate
         self._analysis: LiveAnalysis | None = LiveAnalysis(
-            self._header, model.at, sinks, self._store_snapshot, self._store_alarm
+            self._header, model, sinks, self._store_snapshot, self._store_alarm
         )
         self._display = self._analysis
         self._state = RunState.RECORDING

@@ -67,7 +67,7 @@ def is_identical(a: object, b: object) -> bool:
 def replayed_snapshots(path: Path, block: int | None) -> list[Snapshot]:
     snapshots: list[Snapshot] = []
     with RunReader(path) as reader:
-        analysis = LiveAnalysis(reader.header, NoModel().at, [], snapshots.append)
+        analysis = LiveAnalysis(reader.header, NoModel(), [], snapshots.append)
     with closing(ReplaySource(path, None)) as source:
         for item in reblocked(source, block):
             analysis.process(item, Status(RunState.REPLAYING))
