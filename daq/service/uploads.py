@@ -25,6 +25,10 @@ from recordings.exchange.formats import IMPORT_FORMATS
 from recordings.exchange.table import Column, Table
 from recordings.file_operations import free_bytes
 
+DISK_RESERVE: Final = 1024**3  # bytes that stay free on the disk
+MAX_CONCURRENT: Final = 2
+MIN_CHUNK_SIZE: Final = 64 * 1024  # bytes; only the last chunk is smaller
+CHUNK_TIMEOUT: Final = 30.0  # s for a chunk to arrive
 ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 MAX_UPLOADS: Final = 16
 MAX_UPLOAD_SIZE: Final = 2 * 1024**3  # bytes of one file
@@ -200,12 +204,6 @@ class UploadStore:
     def _delete(self, upload_id: str) -> None:
         self._uploads.pop(upload_id, None)
         shutil.rmtree(self._folder / upload_id, ignore_errors=True)
-
-
-DISK_RESERVE: Final = 1024**3  # bytes that stay free on the disk
-MAX_CONCURRENT: Final = 2
-MIN_CHUNK_SIZE: Final = 64 * 1024  # bytes; only the last chunk is smaller
-CHUNK_TIMEOUT: Final = 30.0  # s for a chunk to arrive
 
 
 class UploadReceiver:

@@ -19,6 +19,8 @@ from typing import TypeVar
 
 from daq.errors import RigError
 
+ResultT = TypeVar("ResultT")
+UNLIMITED = threading.TIMEOUT_MAX  # s
 JOIN_TIMEOUT = 2.0  # s that a process has to end by itself
 SHUTTING_DOWN = "the program is shutting down"
 _BELOW_NORMAL_PRIORITY_CLASS = 0x4000  # of the Windows API
@@ -76,10 +78,6 @@ def end_process(process: BaseProcess) -> None:
     if process.is_alive():
         process.kill()
         process.join(JOIN_TIMEOUT)
-
-
-ResultT = TypeVar("ResultT")
-UNLIMITED = threading.TIMEOUT_MAX  # s
 
 
 class WorkerStoppedError(RigError):

@@ -18,6 +18,16 @@ from model.rotor.parameters import ModelParameters
 from model.studies.sweep_quantities import QUANTITIES, SweepPoint, SweepResult, compute_points, variable_names
 from recordings.file_operations import atomic_write
 
+SAVE_INTERVAL = 2.0  # s between two parts on disk
+MIN_CHUNKS = 200  # of a sweep, for fine-grained progress and resuming
+MAX_CHUNK_SIZE = 50  # points
+MAX_RETRIES = 5  # of a task whose workers die
+NICENESS = 5  # increase, of local processes
+CONNECT_TIMEOUT = 10.0  # s
+WAIT_INTERVAL = 0.5  # s of one wait: an endless wait blocks Ctrl-C on some platforms
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
 
 class SweepStore:
     """Results of a sweep by the keys of their points.
@@ -89,15 +99,6 @@ class SweepStore:
             raise UsageError(f"{file}: holds results of another quantity; choose another file")
         columns = [table.column(name).to_pylist() for name in ("key", "fault", *self._results)]
         return [SweepResult(key, tuple(results), fault) for key, fault, *results in zip(*columns, strict=True)]
-
-
-Task = TypeVar("Task")
-Result = TypeVar("Result")
-
-MAX_RETRIES = 5  # of a task whose workers die
-NICENESS = 5  # increase, of local processes
-CONNECT_TIMEOUT = 10.0  # s
-WAIT_INTERVAL = 0.5  # s of one wait: an endless wait blocks Ctrl-C on some platforms
 
 
 class Workers(Protocol):
@@ -206,11 +207,6 @@ def usable_processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-SAVE_INTERVAL = 2.0  # s between two parts on disk
-MIN_CHUNKS = 200  # of a sweep, for fine-grained progress and resuming
-MAX_CHUNK_SIZE = 50  # points
 
 
 def grid(
