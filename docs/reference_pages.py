@@ -78,7 +78,7 @@ def _type(schema: Schema) -> str:
     if name := schema.get("$ref", "").rpartition("/")[2]:
         return f"[{name}](#{name.lower()})"
     if several := schema.get("anyOf") or schema.get("oneOf"):
-        return " or ".join(dict.fromkeys(_type(each) for each in several))
+        return " or ".join(dict.fromkeys(_type(each) for each in several if each.get("type") != "null"))
     if values := schema.get("enum") or [each for each in (schema.get("const"),) if each is not None]:
         return " or ".join(f"`{value}`" for value in values)
     if schema.get("type") == "array":
@@ -98,7 +98,7 @@ def write_pages(app: Sphinx) -> None:
     """Write both pages below the site's sources."""
     folder = Path(app.srcdir) / "generated"
     folder.mkdir(exist_ok=True)
-    os.environ["COLUMNS"] = "100"  # the width of argparse's help
+    os.environ["COLUMNS"] = "92"  # the width of argparse's help
     schema = create_app(MagicMock()).openapi()  # no request is served, so that the state does not matter
     for name, lines in (("commands", command_reference()), ("rest", rest_reference(schema))):
         (folder / f"{name}.md").write_text("\n".join(lines), encoding="utf-8")
