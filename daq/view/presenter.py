@@ -76,7 +76,7 @@ _FAST = 3  # orbit and banner
 _MIDDLE = 6  # spectra, traces, details
 _SLOW = 12  # cascade and Bode plot
 _SLOWEST = 24  # waterfall, trend
-_REPEAT = 50  # updates between repeated axes, for late viewers whose oldest data was dropped
+_REPEAT = 5.0  # s of the run between repeated axes, for late viewers whose oldest data was dropped
 
 
 class Presenter:
@@ -96,7 +96,7 @@ class Presenter:
         self._stream = stream
         self._timeline = timeline(header)
         self._count = 0
-        self._shown: dict[str, tuple[Hashable, int]] = {}  # state of the axes of each plot, and when they were logged
+        self._shown: dict[str, tuple[Hashable, float]] = {}  # state of the axes of each plot, and when they were logged
         self._plots: dict[str, tuple[LivePlot, int]] = {
             "orbit": (OrbitPlot(header), _FAST),
             "spectrum": (SpectrumPlot(), _MIDDLE),
@@ -121,12 +121,12 @@ class Presenter:
         self._count += 1
 
     def _show_plot(self, name: str, plot: LivePlot, update: LiveUpdate) -> None:
-        """Log the layers of a plot, and its axes when its scale has changed and every `_REPEAT` updates."""
-        state = plot.follow(update)
-        state_before, count = self._shown.get(name, (None, -_REPEAT))
-        if state != state_before or self._count - count >= _REPEAT:
+        """Log the layers of a plot, and its axes when its scale has changed and every `_REPEAT` seconds."""
+        state, elapsed = plot.follow(update), update.status.elapsed
+        state_before, logged = self._shown.get(name, (None, -_REPEAT))
+        if state != state_before or elapsed - logged >= _REPEAT:
             self._stream.log(f"{name}/axes", plot.axes().archetype(draw_order=_UNDER))
-            self._shown[name] = (state, self._count)
+            self._shown[name] = (state, elapsed)
         for number, (part, layer) in enumerate(plot.layers(update).items()):
             archetype = layer.archetype(draw_order=_OVER + number) if isinstance(layer, Drawing) else layer
             self._stream.log(f"{name}/{part}", archetype)

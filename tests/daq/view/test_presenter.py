@@ -346,5 +346,11 @@ def test_axes_are_repeated_for_late_viewers(run_up: Logged) -> None:
     assert len(run_up.rows("/cascade/axes")) >= 2
 
 
+def test_axes_are_repeated_by_time_if_few_updates_are_drawn(tmp_path: Path) -> None:
+    update = make_live_updates(1)[0]
+    logged = Logged([at_time(update, 2.0 * k) for k in range(25)], tmp_path / "slow.rrd")
+    assert [row[RUN] for row in logged.rows("/cascade/axes")] == [0.0, 24.0, 48.0]  # every 12th update is drawn
+
+
 def test_logged_data_rate_is_limited(run_up: Logged) -> None:
     assert run_up.path.stat().st_size / 10.1 < 500e3  # bytes a second of run
