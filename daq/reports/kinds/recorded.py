@@ -144,7 +144,7 @@ def _vectors(
     vectors, compensated = _of_order(rows, order)
     scatter = np.array([row.scatter[order - 1] for row in rows]).reshape(-1, 2).T / MICROMETRE
     table = _by_probe("amplitude_peak_{}_um", np.abs(vectors) / MICROMETRE)
-    table |= _by_probe("lag_{}_deg", phase_lag_degrees(vectors)) | _by_probe("scatter_peak_{}_um", scatter)
+    table |= _by_probe("scatter_peak_{}_um", scatter) | _by_probe("lag_{}_deg", phase_lag_degrees(vectors))
     if np.isfinite(compensated).any():
         table |= _by_probe("compensated_peak_{}_um", np.abs(compensated) / MICROMETRE)
         table |= _by_probe("compensated_lag_{}_deg", phase_lag_degrees(compensated))
@@ -154,7 +154,7 @@ def _vectors(
         columns=columns(
             ramp_direction=np.array([row.direction.value for row in rows], dtype=np.str_),
             speed_rpm=np.array([row.speed for row in rows]) / RPM,
-            **table,
+            **{name: table[name] for name in sorted(table, key=lambda name: "_y_" in name)},
             frames=np.array([row.frames for row in rows], dtype=np.int64),
         ),
         panels=tuple(drawn(run.header.run, what, ramps)),
