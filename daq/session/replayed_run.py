@@ -40,7 +40,7 @@ class ReplayedRun:
         sinks: Sequence[LiveUpdateSink] = (),
         markers: Sequence[Marker] = (),
     ) -> None:
-        self._header = header
+        self.header = header
         self._source = source
         self._model = model
         self._analysis = LiveAnalysis(header, model, sinks)
@@ -55,16 +55,11 @@ class ReplayedRun:
         self._thread = threading.Thread(target=self._replay, name="replay", daemon=True)
         self._thread.start()
 
-    @property
-    def header(self) -> RunHeader:
-        """The recorded run's header."""
-        return self._header
-
     def status(self) -> Status:
         """Return the progress of the replay."""
         return Status(
             state=self._state,
-            elapsed=self._samples / self._header.acquisition.rate,
+            elapsed=self._samples / self.header.acquisition.rate,
             samples=self._samples,
             lost=sum(end.lost for end in self._ends),
             lost_is_exact=all(end.lost_is_exact for end in self._ends),
@@ -89,7 +84,7 @@ class ReplayedRun:
     def _show_markers(self, item: SourceItem) -> None:
         """Show the markers up to the end of a block or segment."""
         end = item.end if isinstance(item, SampleBlock) else item.samples
-        rate = self._header.acquisition.rate
+        rate = self.header.acquisition.rate
         while self._markers and (self._markers[-1].segment, self._markers[-1].sample) <= (item.segment, end):
             marker = self._markers.pop()
             self._analysis.add_marker(

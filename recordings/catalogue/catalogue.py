@@ -254,12 +254,9 @@ class Catalogue:
         started = datetime.fromtimestamp(started_ns // NANOSECONDS, UTC).astimezone()
         name = re.sub(r"[^a-z0-9]+", "-", rig_name.lower()).strip("-")[:40].strip("-") or "rig"
         first = f"{started:%Y-%m-%dT%H-%M-%S}-{name}"
-        for number in count(1):
-            run_id = first if number == 1 else f"{first}-{number}"
-            path = self.folder / f"{run_id}{SUFFIX}"
-            if not path.exists():
-                break
-        return run_id, path
+        paths = (self.folder / f"{first}{'' if k == 1 else f'-{k}'}{SUFFIX}" for k in count(1))
+        path = next(path for path in paths if not path.exists())
+        return path.stem, path
 
     def load_cached(self, run_id: str, name: str) -> dict[str, Any] | None:
         """Return a cached result of a run; None if there is none for the file in its present state."""

@@ -1,6 +1,7 @@
 """The trash: a folder inside the data folder to which runs are moved; nothing is deleted, and runs can be restored."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -87,11 +88,9 @@ def _reserved_path(folder: Path, run: Path) -> Path:
     """Return the path of a new, empty file in the trash; creating it reserves the name among processes."""
     for number in count(1):
         path = folder / (run.name if number == 1 else f"{run.stem} ({number}){run.suffix}")
-        try:
+        with suppress(FileExistsError):
             path.open("xb").close()
-        except FileExistsError:
-            continue
-        return path
+            return path
     raise AssertionError("unreachable")
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from io import BytesIO
+from itertools import takewhile
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -235,7 +236,14 @@ class Container:
 
     @cached_property
     def _metadata_records(self) -> list[Metadata]:
-        locations = [*self._metadata_at_start(), *self._metadata_in_summary()] if self.is_finished else self._walk[0]
+        if not self.is_finished:
+            locations = self._walk[0]
+        else:
+            before_chunks = takewhile(lambda record: record.opcode != Opcode.CHUNK, self._records([]))
+            locations = [(each.offset, each.length) for each in before_chunks if each.opcode == Opcode.METADATA]
+            for content in self.summary(Opcode.METADATA_INDEX):
+                offset, length = struct.unpack_from("<QQ", content)
+                locations.append((offset + RECORD.size, length - RECORD.size))
         records = [self.metadata_at(offset, length) for offset, length in dict.fromkeys(locations)]
         return [record for record in records if record is not None]
 
@@ -265,11 +273,14 @@ class Container:
 
     def read(self, offset: int, length: int) -> bytes:
         """Return bytes of the file, fewer at its end; StorageError."""
-        with storage_errors(self.path, "cannot be read"), self._lock:
-            if self._file.closed:
-                raise StorageError(f"{self.path}: cannot be read: it has been closed")
-            self._file.seek(offset)
-            return self._file.read(length)
+        try:
+            with self._lock:
+                if self._file.closed:
+                    raise StorageError(f"{self.path}: cannot be read: it has been closed")
+                self._file.seek(offset)
+                return self._file.read(length)
+        except OSError as error:
+            raise StorageError(f"{self.path}: cannot be read: {error.strerror or error}") from error
 
     def _check_magic(self) -> None:
         if self.size == 0:
@@ -329,13 +340,6 @@ class Container:
             offsets += [int.from_bytes(content[:8], "little") for content in self.summary(opcode)]
         return sorted(offsets)
 
-    def _metadata_at_start(self) -> Iterator[tuple[int, int]]:
-        for record in self._records([]):
-            if record.opcode == Opcode.CHUNK:
-                return
-            if record.opcode == Opcode.METADATA:
-                yield record.offset, record.length
-
     @cached_property
     def _walk(self) -> tuple[list[tuple[int, int]], ChunkTable]:
         """Metadata locations and chunks, found by reading the records one after another."""
@@ -354,11 +358,6 @@ class Container:
             ChunkLocation(chunk.offset, chunk.length, int.from_bytes(chunk.peek, "little"), frozenset(indexed) or None)
             for chunk, indexed in zip(chunks, channels, strict=True)
         )
-
-    def _metadata_in_summary(self) -> Iterator[tuple[int, int]]:
-        for content in self.summary(Opcode.METADATA_INDEX):
-            offset, length = struct.unpack_from("<QQ", content)
-            yield offset + RECORD.size, length - RECORD.size
 
     def summary(self, wanted: Opcode) -> Iterator[bytes]:
         """Yield the contents of the summary's records with this opcode."""

@@ -164,7 +164,9 @@ _ABSENT_IN_OLDER_FILES = {
     (Limits, "hold"),
     (Limits, "latch"),
 }
-_NOT_WRITTEN = _ABSENT_AT_DEFAULT | _NULL_AT_DEFAULT
+_NOT_WRITTEN = {
+    part: {name for other, name in _ABSENT_AT_DEFAULT | _NULL_AT_DEFAULT if other is part} for part in _KEYS
+}
 _MAY_BE_ABSENT = _ABSENT_AT_DEFAULT | _ABSENT_IN_OLDER_FILES
 _EXPECTED = {str: "a string", bool: "true or false", int: "an integer", float: "a number"}
 
@@ -190,9 +192,10 @@ def _encoded(value: Any) -> Any:
     if part not in _KEYS:
         return value
     values: Json = {}
+    not_written = _NOT_WRITTEN[part]
     for key, name in _KEYS[part].items():
         field = getattr(value, name)
-        if (part, name) in _NOT_WRITTEN and field == part.__dataclass_fields__[name].default:
+        if name in not_written and field == part.__dataclass_fields__[name].default:
             if (part, name) in _NULL_AT_DEFAULT:
                 values[key] = None
         else:
@@ -215,6 +218,8 @@ def _decoded(kind: Any, where: str, value: Any) -> Any:
         if get_origin(kinds[0]) is tuple:
             vectors = [_decoded(_RunOutVector, f"{where}[{k}]", each) for k, each in enumerate(value)]
             return tuple(vector.vectors() for vector in vectors)
+        if all(type(each) is kinds[0] for each in value):  # numbers, without their paths
+            return tuple(value)
         return tuple(_decoded(kinds[0], f"{where}[{k}]", each) for k, each in enumerate(value))
     is_choice = issubclass(kind, StrEnum)
     allowed = int | float if kind is float else str if is_choice else kind

@@ -8,7 +8,6 @@ import time
 from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 
 from analysis.live.alarms import Alarm
 from analysis.live.summary import RunSummary
@@ -79,6 +78,13 @@ class RecordedRun:
     stop_deadline : float
         Time after a stop request, s, when the recorder is killed. Its file holds all flushed samples.
 
+    Attributes
+    ----------
+    header : RunHeader
+        The run's header, with the acquisition as the device reported it.
+    path : Path
+        The file.
+
     Raises
     ------
     StoppedError
@@ -95,6 +101,7 @@ class RecordedRun:
         is_stopping: Callable[[], bool] = lambda: False,
         stop_deadline: float = STOP_DEADLINE,
     ) -> None:
+        self.path = request.path
         self._request = request
         self._model = model
         rig: Rig = request.rig
@@ -118,28 +125,18 @@ class RecordedRun:
         self._state = RunState.STARTING
         self._is_stopped_by_user = False
         try:
-            self._header = self._wait_until_open(is_stopping)
+            self.header = self._wait_until_open(is_stopping)
         except BaseException:
             self._release()
             raise
-        self._rate = self._header.acquisition.rate
+        self._rate = self.header.acquisition.rate
         self._analysis: LiveAnalysis | None = LiveAnalysis(
-            self._header, model, sinks, self._store_snapshot, self._store_alarm
+            self.header, model, sinks, self._store_snapshot, self._store_alarm
         )
         self._display = self._analysis
         self._state = RunState.RECORDING
         self._thread = threading.Thread(target=self._run, name="live-analysis", daemon=True)
         self._thread.start()
-
-    @property
-    def header(self) -> RunHeader:
-        """The run's header, with the acquisition as the device reported it."""
-        return self._header
-
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._request.path
 
     def _start_recorder(self) -> tuple[Connection, BaseProcess]:
         context = multiprocessing.get_context("spawn")  # the same on every platform, and safe beside threads
@@ -179,7 +176,7 @@ class RecordedRun:
 
     def _store_snapshot(self, snapshot: Snapshot) -> None:
         """Send a snapshot to the recorder, which stores it with the samples."""
-        for result in encode_snapshot(snapshot, self._header):
+        for result in encode_snapshot(snapshot, self.header):
             self._sender.send(result)
 
     def _store_alarm(self, alarm: Alarm) -> None:
@@ -194,7 +191,7 @@ class RecordedRun:
         self._display.add_marker(
             TimedMarker(marker, marker.sample / self._rate, (samples - sample + since) / self._rate)
         )
-        self._sender.send(encode_marker(marker, self._header))
+        self._sender.send(encode_marker(marker, self.header))
 
     def _request_stop(self) -> None:
         """Send a stop request; the stop deadline starts with the first one."""
@@ -211,7 +208,7 @@ class RecordedRun:
                 warning = (
                     f"{warning}: {self._last_end.detail}{reconnect_message(self._last_end, config.session.reconnect_s)}"
                 )
-        bytes_per_second = rate * len(self._header.acquisition.channels) * 2
+        bytes_per_second = rate * len(self.header.acquisition.channels) * 2
         left = statistics.disk_bytes_left / bytes_per_second if statistics.disk_bytes_left >= 0 else math.inf
         return Status(
             state=state,
@@ -223,7 +220,7 @@ class RecordedRun:
             disk_left=left,
             skipped=self._reader.skipped,
             model=self._model.state,
-            clipped=clipped_channels(statistics, self._header.acquisition),
+            clipped=clipped_channels(statistics, self.header.acquisition),
             last_loss=self._last_loss,
             detail=self._message or warning or self._analysis_error,
         )
