@@ -107,9 +107,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = args.run(args, console)
         sys.stdout.flush()
-    except _reported_errors() as error:
+    except RigError as error:
         console.line(f"rig: {error}")
-        return _exit_code(error)
+        return error.exit_code
+    except tuple(_exit_codes()) as error:
+        console.line(f"rig: {error}")
+        return next(code for tree, code in _exit_codes().items() if isinstance(error, tree))
     except BrokenPipeError:
         if not _is_reader_gone(sys.stdout):
             raise
@@ -119,22 +122,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _reported_errors() -> tuple[type[Exception], ...]:
-    """Return the error trees of our own; imported only after an error, because they are in large packages."""
+def _exit_codes() -> dict[type[Exception], int]:
+    """Return the exit codes of the error trees below daq; imported only after an error: they are in large packages."""
     from analysis.signals.errors import AnalysisError
-    from model.errors import ModelError
+    from model.errors import ModelError, ParameterError
     from recordings.errors import RecordingError
 
-    return RigError, RecordingError, AnalysisError, ModelError
-
-
-def _exit_code(error: Exception) -> int:
-    from model.errors import ParameterError
-    from recordings.errors import RecordingError
-
-    if isinstance(error, RigError):
-        return error.exit_code
-    return UsageError.exit_code if isinstance(error, RecordingError | ParameterError) else RigError.exit_code
+    return {RecordingError: UsageError.exit_code, ParameterError: UsageError.exit_code, ModelError: 1, AnalysisError: 1}
 
 
 def _is_reader_gone(stream: TextIO) -> bool:
