@@ -38,7 +38,10 @@ def max_connections() -> int:
 
 
 class LimitedHttpProtocol(H11Protocol):
-    """HTTP/1.1 connection that is refused above a limit and closed if a request's header does not arrive in time."""
+    """HTTP/1.1 connection that is refused above a limit and closed if a request's header does not arrive in time.
+
+    uvicorn has no time limit for a header, so that idle connections could use up those allowed.
+    """
 
     max_connections: ClassVar[int] = max_connections()
     """Simultaneous connections."""
