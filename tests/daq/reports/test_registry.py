@@ -294,6 +294,12 @@ def test_envelopes_equal_library_results_and_waveforms_match_them(bench: Recorde
         close(found["amplitude_peak_x_um"][here][inner], expected[inner], rtol=1e-3, atol=1e-3)
         sigma = np.interp(shown, times, x.sigma[row]) / MICROMETRE
         close(found["sigma_peak_x_um"][here][inner], sigma[inner], rtol=1e-3)
+    hum = np.asarray(2.0 * np.pi * 50.0 * np.arange(displacement.shape[1]) / acquisition.rate, dtype=np.float64)
+    times, (x, _) = probe_envelopes(displacement, acquisition.rate, angle, (1.0,), bandwidth=6.0, others=(hum,))
+    beside = npz_columns(bench, "envelopes", orders="1", bandwidth_hz=6, entries=200, frequencies_hz="50")
+    expected = np.interp(beside["time_s"], times, np.abs(x.envelopes[0])) / MICROMETRE
+    close(beside["amplitude_peak_x_um"][inner], expected[inner], rtol=1e-3, atol=1e-3)
+    assert bench.get("/analyses/envelopes", orders="1", frequencies_hz="0").status_code == 422
     waves = npz_columns(bench, "waveforms", orders="0.45,1", time_s=2.6, bandwidth_hz=6)
     size = np.ptp(waves["displacement_x_um"][waves["order"] == 0.45]) / 2
     assert size == pytest.approx(12.0, rel=0.05)
