@@ -32,6 +32,8 @@ SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a fr
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
 FIT_REVOLUTIONS = 8  # revolutions before a frame that the fit of its shaft angle includes
 MAX_CLIPPED_INTERVALS = 256  # update intervals with clipped samples that are stored
+BENT_TO_SIGMA = 2.5 / np.sqrt(2.0)  # of a bend: 1.7 of it is the bias of a parabola, 3.5 that of a beat in 1.25 frames
+BENT_NOISE, MIN_BENT_SIGMAS = 0.41, 5.0  # its standard deviation over that of a line, and how far it must stand out
 MAX_TRACE_POINTS = 1000  # approximately
 _CODES = np.arange(2**16, dtype=np.uint16).view(np.int16)  # tables over them are indexed by a code's bits as uint16
 
@@ -152,7 +154,9 @@ class OrderFrameBuilder:
         speed = float(2.0 * np.pi * revolutions / halves.sum())
         floors = [_floor_beside(spectrum, revolutions, order, noise, self._window) for order in (1, 2)]
         widening = float(clipping_sigma(clipped, np.sqrt(2.0) * waveform.std(axis=1)).max())
-        sigma = np.hypot(noise_floor_sigma(np.array(floors)), widening)
+        sigma = noise_floor_sigma(np.array(floors))
+        changes = [_change_in_frame(spectrum, revolutions, order, sigma[order - 1], self._window) for order in (1, 2)]
+        sigma = np.sqrt(sigma**2 + np.array(changes) ** 2 + widening**2)
         multiples = order_vectors(spectrum, revolutions, int(settings.highest_order))
         runout = self._runout.update(speed, multiples, sigma)
         return OrderFrame(
@@ -359,6 +363,20 @@ class Analyser:
             displacement=thinned - thinned.mean(axis=1, keepdims=True),
             tacho=tacho[::stride].copy(),
         )
+
+
+def _change_in_frame(spectrum: ComplexArray, revolutions: int, order: int, sigma: float, window: Window) -> float:
+    """Return the standard deviation of a whole order from its change within the frame, m peak; 0 where none stands out.
+
+    A vector that bends over the frame, on a ramp through a resonance or beside a component that the frame does not
+    resolve, shows in the sum of the lines on either side: beyond -1/2 of the order's line each.
+    """
+    line = order * revolutions
+    if window != HANN or line + 1 >= spectrum.shape[1]:
+        return 0.0
+    bent = np.abs(0.5 * (spectrum[:, line - 1] + spectrum[:, line + 1]) - HANN.side_lines[0] * spectrum[:, line])
+    largest = float(bent.max())
+    return BENT_TO_SIGMA * largest if largest > MIN_BENT_SIGMAS * BENT_NOISE * sigma else 0.0
 
 
 def _longest_run(flags: BoolArray) -> int:

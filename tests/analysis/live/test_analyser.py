@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from tests.analysis.conftest import Bench
 
 Maker = Callable[..., "Bench"]
+FloatArray = NDArray[np.float64]
 THREE = (
     (20 * MICROMETRE, 1.0, 0.4),
     (8 * MICROMETRE, 0.47, 1.0),
@@ -505,3 +506,36 @@ def test_memory_is_bounded(make_bench: Maker) -> None:
         sizes.append(held(analyser, set()))
     assert max(sizes[5:]) <= 1.001 * sizes[4]
     assert sizes[4] < 4e6
+
+
+def test_uncertainty_of_1x_covers_a_neighbour_that_the_frame_does_not_resolve(make_bench: Maker) -> None:
+    bench = make_bench(rate=20_000.0, noise=0.5 * MICROMETRE, tacho={"response_time": 1e-5})
+    motion = bench.circles((20 * MICROMETRE, 1.0, 0.3), (3 * MICROMETRE, 0.95, 0.1), (4 * MICROMETRE, 0.45, 0.2))
+    frames = bench.frames(bench.steady(100.0), motion, 3.0)
+    error = np.array([abs(frame.vectors[0, 0]) - 20 * MICROMETRE for frame in frames])
+    sigma = np.array([frame.sigma[0] for frame in frames])
+    assert np.abs(error).max() > 1.0 * MICROMETRE
+    assert np.mean(np.abs(error) < 2.0 * sigma) >= 0.9
+    assert np.median(sigma) < 1.5 * error.std()
+    alone = bench.frames(bench.steady(100.0), bench.circles((20 * MICROMETRE, 1.0, 0.3)), 1.0)
+    assert max(frame.sigma[0] for frame in alone) < 0.05 * MICROMETRE
+
+
+@pytest.mark.parametrize("acceleration", [3.0, 12.0, 30.0])
+def test_uncertainty_of_1x_covers_the_bias_of_the_window_on_a_ramp(make_bench: Maker, acceleration: float) -> None:
+    def response(speed: FloatArray) -> NDArray[np.complex128]:
+        ratio = speed / 59.0
+        return np.asarray(10 * MICROMETRE * ratio**2 / (1 - ratio**2 + 1j * ratio / 8.0))
+
+    def motion(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        z = response(np.gradient(theta) * 20_000.0 / (2 * np.pi)) * np.exp(1j * theta)
+        return z.real, z.imag
+
+    bench = make_bench(rate=20_000.0, noise=0.5 * MICROMETRE, tacho={"response_time": 1e-5})
+    duration = 50.0 / acceleration
+    frames = bench.frames(bench.ramp(35.0, 85.0, duration), motion, duration)
+    middle = np.array([np.hypot(frame.speed, 16 * np.pi * frame.acceleration / frame.speed) for frame in frames])
+    error = np.array([abs(frame.vectors[0, 0]) for frame in frames]) - np.abs(response(middle / (2 * np.pi)))
+    sigma = np.array([frame.sigma[0] for frame in frames])
+    assert np.mean(np.abs(error) < 2.0 * sigma) >= 0.9
+    assert (np.abs(error) < 2.0 * sigma)[np.argmax(np.abs(error))]
