@@ -8,7 +8,7 @@ import numpy as np
 from analysis.signals.blocks import RampDirection
 from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from analysis.spectra.order_map import order_map
-from analysis.vectors.order_track import track_order
+from analysis.vectors.order_track import OrderTrack, track_order
 from analysis.vectors.speed_curve import Resonance, SpeedCurve, speed_curves
 from analysis.whirl.tracks import SubsynchronousTrack, subsynchronous_tracks
 from daq.reports.analysis_result import AnalysisResult, columns
@@ -72,8 +72,22 @@ def _vectors(
         ),
         panels=tuple(drawn(title, what, ramps, caption)),
         scalars=scalars,
-        remarks=(*(_resonance(*each) for each in found), *prepared.remarks),
+        remarks=(*(_resonance(*each) for each in found), *neighbour_remarks(track), *prepared.remarks),
     )
+
+
+def neighbour_remarks(track: OrderTrack) -> list[str]:
+    """Return what to say of components that the frames do not resolve from the order."""
+    near = track.neighbour[np.isfinite(track.neighbour)]
+    if not near.size:
+        return []
+    leakage = float(track.leakage.max()) / MICROMETRE
+    order = float(np.median(near))
+    remark = (
+        f"{track.revolutions} revolutions do not resolve a component at {order:.3f}X: up to {leakage:.2g} µm of it were "
+        f"subtracted; {track.revolutions_needed:,} revolutions resolve it"
+    )
+    return [remark]
 
 
 def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
