@@ -72,7 +72,7 @@ class OrderTrack:
     def revolutions_needed(self) -> int:
         """Revolutions in a frame that would resolve all neighbours; those of a frame where there are none."""
         distance = np.abs(self.neighbour[np.isfinite(self.neighbour)] - self.order)
-        needed = [math.ceil(HANN.main_lobe / float(each)) for each in distance]
+        needed = [math.ceil(round(HANN.main_lobe / float(each), 1)) for each in distance]
         return max([self.revolutions, *needed])
 
     def subtract(self, vectors: ComplexArray, sigma: FloatArray) -> "OrderTrack":

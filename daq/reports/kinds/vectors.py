@@ -84,8 +84,8 @@ def neighbour_remarks(track: OrderTrack) -> list[str]:
     leakage = float(track.leakage.max()) / MICROMETRE
     order = float(np.median(near))
     remark = (
-        f"{track.revolutions} revolutions do not resolve a component at {order:.3f}X: up to {leakage:.2g} µm of it were "
-        f"subtracted; {track.revolutions_needed:,} revolutions resolve it"
+        f"{track.revolutions} revolutions do not resolve a component at {order:.3f}X: up to {leakage:.2g} µm of it "
+        f"were subtracted; {track.revolutions_needed:,} revolutions resolve it"
     )
     return [remark]
 
