@@ -1,9 +1,9 @@
 """Condensed equations of a time step, compiled: forces on the bodies, and Newton's method for their positions.
 
-Bodies are ``n`` points of the shaft (the two journals, then other stations with supports or walls), followed by the
-rings (the two floating rings, then those of linear supports): ``size`` bodies in total. Without constraints both
-numbers are compile-time constants, and the code for constraints is not compiled. Complex numbers are vectors in the
-plane of measurement, ``X + i Y``.
+Bodies are ``n`` points of the shaft (with films first the two journals, then other stations with supports or walls),
+followed by the rings (with films first the two floating rings, then those of linear supports): ``size`` bodies in
+total. Without constraints both numbers are compile-time constants, and the code for constraints is not compiled; nor is
+the code for films without films. Complex numbers are vectors in the plane of measurement, ``X + i Y``.
 """
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 from analysis.signals import ComplexArray, FloatArray
 from model.compiling import Compiler
 from model.dynamics import modal_system
-from model.dynamics.modal_system import Constraints, Films, MotionState, Workspace
+from model.dynamics.modal_system import Constraints, Films, MotionState, Parts, Workspace
 from model.films import film_kernels
-from model.films.film_kernels import MIN_WALL_MARGIN, ForceLaw, film_force, film_force_derivatives
+from model.films.film_kernels import MIN_WALL_MARGIN, ForceLaw, film_force, film_slopes
 
 FRICTION_TRANSITION_SPEED = 1e-3  # m/s: regularises friction, so that it does not jump at the reversal of sliding
 NEWTON_ITERATIONS = 25
@@ -103,7 +103,7 @@ def wall_force_derivatives(
     position, velocity, speed, sizes : complex, float and ndarray
         As for ``wall_force``.
     velocity_ratio : complex
-        As for ``film_force_derivatives``.
+        As for ``film_slopes``.
     """
     start, reach = wall_force(position, velocity, speed, sizes), 1e-7 * sizes[0]
     in_x = reach if position.real > 0 else -reach  # into the wall
@@ -114,21 +114,15 @@ def wall_force_derivatives(
 
 
 @compiler.inlined
-def _wall_margin(films: Films, n: int, positions: ComplexArray) -> float:
-    # minimum of 1 - eccentricity² over the four films
+def wall_margin(films: Films | None, n: int, positions: ComplexArray) -> float:
+    """Return the minimum of 1 - eccentricity² over the four films; 1 without films."""
     nearest = 1.0
-    for b in range(2):
-        inner, outer = positions[b] - positions[n + b], positions[n + b]
-        nearest = min(nearest, 1 - (inner.real**2 + inner.imag**2) / films.inner_clearance**2)
-        nearest = min(nearest, 1 - (outer.real**2 + outer.imag**2) / films.outer_clearance**2)
+    if films is not None:
+        for b in range(2):
+            inner, outer = positions[b] - positions[n + b], positions[n + b]
+            nearest = min(nearest, 1 - (inner.real**2 + inner.imag**2) / films.inner_clearance**2)
+            nearest = min(nearest, 1 - (outer.real**2 + outer.imag**2) / films.outer_clearance**2)
     return nearest
-
-
-@compiler.inlined
-def _velocities(size: int, step: float, bodies: ComplexArray, start: ComplexArray) -> None:
-    # Newmark's velocities at the end of the step
-    for j in range(size):
-        bodies[1, j] = 2 / step * (bodies[0, j] - start[0, j]) - start[1, j]
 
 
 @compiler.inlined
@@ -150,34 +144,36 @@ def _outer_film_arguments(
 
 
 @compiler.inlined
-def _film_forces(films: Films, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray) -> None:
-    # Forces of the films at the present positions
-    for b in range(2):
-        r = n + b
-        inner = film_force(*_inner_film_arguments(films, b, r, speed, bodies))
-        outer = film_force(*_outer_film_arguments(films, r, speed, bodies))
-        forces[b], forces[r] = inner, outer - inner
+def film_forces(films: Films | None, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray) -> None:
+    """Set the forces to those of the films at the present positions and velocities."""
+    for j in range(forces.size):
+        forces[j] = 0j
+    if films is not None:
+        for b in range(2):
+            r = n + b
+            inner = film_force(*_inner_film_arguments(films, b, r, speed, bodies))
+            outer = film_force(*_outer_film_arguments(films, r, speed, bodies))
+            forces[b], forces[r] = inner, outer - inner
 
 
 @compiler.inlined
-def _constraint_forces(
-    constraints: Constraints, n: int, speed: float, bodies: ComplexArray, forces: ComplexArray
+def constraint_forces(
+    constraints: Constraints | None, speed: float, bodies: ComplexArray, forces: ComplexArray
 ) -> None:
-    # Forces of supports and walls, added to those of the films
-    for p in range(2, n):
-        forces[p] = 0j
-    for s in range(constraints.supported.shape[0]):
-        p, r = constraints.supported[s]
-        position, rate, coefficients = bodies[0, p], bodies[1, p], constraints.coefficients[s]
-        if r >= 0:
-            position, rate = position - bodies[0, r], rate - bodies[1, r]
-        inner = support_force(position, rate, coefficients[:4])
-        forces[p] += inner
-        if r >= 0:
-            forces[r] = support_force(bodies[0, r], bodies[1, r], coefficients[4:]) - inner
-    for w in range(constraints.wall_points.size):
-        p = constraints.wall_points[w]
-        forces[p] += wall_force(bodies[0, p], bodies[1, p], speed, constraints.walls[w])
+    """Add the forces of supports and walls."""
+    if constraints is not None:
+        for s in range(constraints.supported.shape[0]):
+            p, r = constraints.supported[s]
+            position, rate, coefficients = bodies[0, p], bodies[1, p], constraints.coefficients[s]
+            if r >= 0:
+                position, rate = position - bodies[0, r], rate - bodies[1, r]
+            inner = support_force(position, rate, coefficients[:4])
+            forces[p] += inner
+            if r >= 0:
+                forces[r] = support_force(bodies[0, r], bodies[1, r], coefficients[4:]) - inner
+        for w in range(constraints.wall_points.size):
+            p = constraints.wall_points[w]
+            forces[p] += wall_force(bodies[0, p], bodies[1, p], speed, constraints.walls[w])
 
 
 @compiler.inlined
@@ -191,59 +187,54 @@ def _add_derivative(derivatives: ComplexArray, body: int, other: int, slope: tup
             derivatives[other, other, k] += slope[k]
 
 
-@compiler.inlined
-def _film_derivatives(
-    films: Films,
-    n: int,
-    size: int,
+@compiler.compiled
+def film_derivatives(
+    films: Films | None, n: int, speed: float, velocity_ratio: complex, bodies: ComplexArray, derivatives: ComplexArray
+) -> None:
+    """Set the derivatives of `film_forces` with respect to X and Y, (size, size, 2), N/m.
+
+    ``velocity_ratio`` is the change of velocity per change of position, 1/s.
+    """
+    for j in range(derivatives.shape[0]):
+        for k in range(derivatives.shape[0]):
+            derivatives[j, k, 0] = derivatives[j, k, 1] = 0j
+    if films is not None:
+        for b in range(2):
+            r = n + b
+            inner = film_slopes(*_inner_film_arguments(films, b, r, speed, bodies), velocity_ratio)
+            outer = film_slopes(*_outer_film_arguments(films, r, speed, bodies), velocity_ratio)
+            _add_derivative(derivatives, b, r, inner)
+            _add_derivative(derivatives, r, -1, outer)
+
+
+@compiler.compiled
+def constraint_derivatives(
+    constraints: Constraints | None,
     speed: float,
     velocity_ratio: complex,
     bodies: ComplexArray,
     derivatives: ComplexArray,
 ) -> None:
-    # Derivatives of the film forces with respect to displacements, including the velocities that depend on them
-    for j in range(size):
-        for k in range(size):
-            derivatives[j, k, 0] = derivatives[j, k, 1] = 0j
-    for b in range(2):
-        r = n + b
-        _add_derivative(
-            derivatives,
-            b,
-            r,
-            film_force_derivatives(velocity_ratio, *_inner_film_arguments(films, b, r, speed, bodies)),
-        )
-        _add_derivative(
-            derivatives,
-            r,
-            -1,
-            film_force_derivatives(velocity_ratio, *_outer_film_arguments(films, r, speed, bodies)),
-        )
+    """Add the derivatives of the forces of supports and walls."""
+    if constraints is not None:
+        for s in range(constraints.supported.shape[0]):
+            p, r = constraints.supported[s]
+            coefficients = constraints.coefficients[s]
+            _add_derivative(derivatives, p, r, support_force_derivatives(velocity_ratio, coefficients[:4]))
+            if r >= 0:
+                _add_derivative(derivatives, r, -1, support_force_derivatives(velocity_ratio, coefficients[4:]))
+        for w in range(constraints.wall_points.size):
+            p = constraints.wall_points[w]
+            slope = wall_force_derivatives(bodies[0, p], bodies[1, p], velocity_ratio, speed, constraints.walls[w])
+            _add_derivative(derivatives, p, -1, slope)
 
 
-@compiler.inlined
-def _constraint_derivatives(
-    constraints: Constraints, speed: float, velocity_ratio: complex, bodies: ComplexArray, derivatives: ComplexArray
-) -> None:
-    # Derivatives of the forces of supports and walls
-    for s in range(constraints.supported.shape[0]):
-        p, r = constraints.supported[s]
-        coefficients = constraints.coefficients[s]
-        _add_derivative(derivatives, p, r, support_force_derivatives(velocity_ratio, coefficients[:4]))
-        if r >= 0:
-            _add_derivative(derivatives, r, -1, support_force_derivatives(velocity_ratio, coefficients[4:]))
-    for w in range(constraints.wall_points.size):
-        p = constraints.wall_points[w]
-        slope = wall_force_derivatives(bodies[0, p], bodies[1, p], velocity_ratio, speed, constraints.walls[w])
-        _add_derivative(derivatives, p, -1, slope)
-
-
-@compiler.inlined
-def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> None:
-    # Left half of ``augmented``: d(residual) / d(positions)
-    derivatives, H = work.derivatives, work.receptance
+@compiler.compiled
+def newton_matrix(n: int, derivatives: ComplexArray, H: ComplexArray, matrix: FloatArray) -> None:
+    """Set the matrix to d(residual) / d(positions), X and Y alternately, from the receptance H of the bodies."""
+    size = H.shape[0]
     for j in range(2 * size):
-        for k in range(4 * size):
+        for k in range(2 * size):
             matrix[j, k] = 0.0
         matrix[j, j] = 1.0
     for body in range(size):
@@ -256,31 +247,31 @@ def _newton_matrix(n: int, size: int, work: Workspace, matrix: FloatArray) -> No
                     matrix[2 * j + 1, 2 * body + k] -= through.imag
 
 
-@compiler.inlined
-def _invert(n: int, augmented: FloatArray) -> None:
-    # Gauss-Jordan elimination with row pivoting: the right half becomes the inverse of the left half.
-    for row in range(n):
-        augmented[row, n + row] = 1.0
-    for column in range(n):
-        pivot = column
-        for row in range(column + 1, n):
-            if abs(augmented[row, column]) > abs(augmented[pivot, column]):
-                pivot = row
-        for k in range(2 * n):
-            augmented[column, k], augmented[pivot, k] = augmented[pivot, k], augmented[column, k]
-        scale = 1 / augmented[column, column]
-        for k in range(2 * n):
-            augmented[column, k] *= scale
+@compiler.compiled
+def eliminate(matrix: FloatArray, columns: FloatArray) -> None:
+    """Replace right-hand sides, (n, columns), by the solutions, by elimination with row pivoting."""
+    n = matrix.shape[0]
+    for k in range(n):
+        pivot = k + int(np.argmax(np.abs(matrix[k:, k])))
+        for c in range(n):
+            matrix[k, c], matrix[pivot, c] = matrix[pivot, c], matrix[k, c]
+        inverse = 1 / matrix[k, k]
+        for c in range(columns.shape[1]):
+            columns[k, c], columns[pivot, c] = columns[pivot, c], columns[k, c]
+            columns[k, c] *= inverse
+        for c in range(k + 1, n):
+            matrix[k, c] *= inverse
         for row in range(n):
-            factor = augmented[row, column]
-            if row != column:
-                for k in range(2 * n):
-                    augmented[row, k] -= factor * augmented[column, k]
+            if row != k:
+                for c in range(k + 1, n):
+                    matrix[row, c] -= matrix[row, k] * matrix[k, c]
+                for c in range(columns.shape[1]):
+                    columns[row, c] -= matrix[row, k] * columns[k, c]
 
 
 @compiler.inlined
-def _residual(n: int, size: int, work: Workspace) -> float:
-    # Residual at the present positions; returns its largest component, m.
+def residual(n: int, size: int, work: Workspace) -> float:
+    """Set the residual at the present positions; return its largest component, m."""
     H, forces, largest = work.receptance, work.forces, 0.0
     for j in range(size):
         error = work.bodies[0, j] - work.free[j]
@@ -293,106 +284,64 @@ def _residual(n: int, size: int, work: Workspace) -> float:
 
 
 @compiler.inlined
-def _newton_step(films: Films, n: int, size: int, augmented: FloatArray, work: Workspace) -> bool:
+def _newton_step(films: Films | None, n: int, size: int, state: MotionState, work: Workspace) -> bool:
     # Newton step, halved while it leads too close to a wall
     positions, change = work.bodies[0], work.change
-    limit = max(MIN_WALL_MARGIN, 0.2 * _wall_margin(films, n, positions))
+    limit = max(MIN_WALL_MARGIN, 0.2 * wall_margin(films, n, positions))
     for j in range(2 * size):
         change[j] = 0.0
         for k in range(2 * size):
-            change[j] -= augmented[j, 2 * size + k] * work.residual[k]
+            change[j] -= state.inverse[j, k] * work.residual[k]
     fraction = 1.0
     for _ in range(30):
         for j in range(size):
             positions[j] += fraction * complex(change[2 * j], change[2 * j + 1])
-        if _wall_margin(films, n, positions) >= limit:
+        if wall_margin(films, n, positions) >= limit:
             return True
         fraction = -0.5 * fraction if fraction > 0 else 0.5 * fraction  # step back half way
     return False
 
 
 @compiler.inlined
-def _starting_point(films: Films, n: int, size: int, step: float, work: Workspace) -> None:
-    # Positions without acceleration; the present ones if these are at or beyond a wall
+def _starting_point(films: Films | None, n: int, size: int, step: float, work: Workspace) -> None:
+    # Positions at the present acceleration; the present ones if these are at or beyond a wall
     positions, start = work.bodies[0], work.start
     for j in range(size):
-        positions[j] = start[0, j] + step * start[1, j]
-    if _wall_margin(films, n, positions) < MIN_WALL_MARGIN:
+        positions[j] = start[0, j] + step * (start[1, j] + step / 2 * start[2, j])
+    if wall_margin(films, n, positions) < MIN_WALL_MARGIN:
         for j in range(size):
             positions[j] = start[0, j]
 
 
 @compiler.inlined
 def solve(
-    films: Films, constraints: Constraints | None, step: float, level: int, state: MotionState, work: Workspace
+    parts: Parts, constraints: Constraints | None, step: float, level: int, state: MotionState, work: Workspace
 ) -> bool:
     """Solve for positions and velocities of the bodies at the end of the step; return whether Newton converged."""
-    n, size = 2, 4
+    n, size, films = 2, 4, parts.films
     if constraints is not None:
         n, size = int(constraints.points), work.forces.size
     speed, last = state.speed[0], np.inf
     _starting_point(films, n, size, step, work)
     for _ in range(NEWTON_ITERATIONS):
-        _velocities(size, step, work.bodies, work.start)
-        _film_forces(films, n, speed, work.bodies, work.forces)
-        if constraints is not None:
-            _constraint_forces(constraints, n, speed, work.bodies, work.forces)
-        error = _residual(n, size, work)
-        if error < 1e-9 * films.inner_clearance:
+        for j in range(size):  # Newmark's velocities at the end of the step
+            work.bodies[1, j] = 2 / step * (work.bodies[0, j] - work.start[0, j]) - work.start[1, j]
+        film_forces(films, n, speed, work.bodies, work.forces)
+        constraint_forces(constraints, speed, work.bodies, work.forces)
+        error = residual(n, size, work)
+        if error < parts.tolerance:
             return True
         if state.level[0] != level or error > 0.3 * last:
-            velocity_ratio = 2 / step + 0j
-            _film_derivatives(films, n, size, speed, velocity_ratio, work.bodies, work.derivatives)
-            if constraints is not None:
-                _constraint_derivatives(constraints, speed, velocity_ratio, work.bodies, work.derivatives)
-            _newton_matrix(n, size, work, state.augmented)
-            _invert(2 * size, state.augmented)
+            film_derivatives(films, n, speed, 2 / step + 0j, work.bodies, work.derivatives)
+            constraint_derivatives(constraints, speed, 2 / step + 0j, work.bodies, work.derivatives)
+            newton_matrix(n, work.derivatives, work.receptance, work.matrix)
+            for j in range(2 * size):
+                for k in range(2 * size):
+                    state.inverse[j, k] = 0.0
+                state.inverse[j, j] = 1.0
+            eliminate(work.matrix, state.inverse)
             state.level[0] = level
         last = error
-        if not _newton_step(films, n, size, state.augmented, work):
+        if not _newton_step(films, n, size, state, work):
             return False
     return False
-
-
-@compiler.compiled
-def bearing_forces(films: Films, constraints: Constraints | None, speed: float, bodies: ComplexArray) -> ComplexArray:
-    """Return the forces of films, supports and walls on the bodies, (size,), N.
-
-    Parameters
-    ----------
-    films, constraints : Films, Constraints or None
-        Films, supports and walls.
-    speed : float
-        Of the shaft, rad/s.
-    bodies : ndarray of complex128, shape (2, size)
-        Positions, m, and velocities, m/s.
-    """
-    size = bodies.shape[1]
-    n = size - 2 if constraints is None else int(constraints.points)
-    forces = np.zeros(size, np.complex128)
-    _film_forces(films, n, speed, bodies, forces)
-    if constraints is not None:
-        _constraint_forces(constraints, n, speed, bodies, forces)
-    return forces
-
-
-@compiler.compiled
-def bearing_force_derivatives(
-    films: Films, constraints: Constraints | None, speed: float, velocity_ratio: complex, bodies: ComplexArray
-) -> ComplexArray:
-    """Return the derivatives of `bearing_forces` with respect to X and Y, (size, size, 2), N/m.
-
-    Parameters
-    ----------
-    films, constraints, speed, bodies : Films, Constraints or None, float and ndarray
-        As for `bearing_forces`.
-    velocity_ratio : complex
-        Change of velocity per change of position, 1/s.
-    """
-    size = bodies.shape[1]
-    n = size - 2 if constraints is None else int(constraints.points)
-    derivatives = np.zeros((size, size, 2), np.complex128)
-    _film_derivatives(films, n, size, speed, velocity_ratio, bodies, derivatives)
-    if constraints is not None:
-        _constraint_derivatives(constraints, speed, velocity_ratio, bodies, derivatives)
-    return derivatives

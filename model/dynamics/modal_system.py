@@ -6,15 +6,16 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from analysis.signals import ComplexArray, FloatArray
+from analysis.signals import ComplexArray, FloatArray, IntArray
+from model.errors import ParameterError
 from model.films.film_kernels import FORCE_LAWS, MIN_WALL_MARGIN, ForceLaw
 from model.linear.modes import free_modes
 from model.rotor.parameters import FloatingRing, ModelParameters
 from model.rotor.supports import SupportCoefficients
 
-IntArray = NDArray[np.int64]
+POSITION_TOLERANCE = 1e-9  # of the inner clearance
+USUAL_CLEARANCE = 1e-5  # m, in its place without films
 
 NO_LEVEL = -1
 DEFAULT_MODES = 6  # two rigid-body, four bending: within 0.05 % of the result with all twelve
@@ -51,19 +52,20 @@ class MotionState(NamedTuple):
     ----------
     motion : ndarray of complex128, shape (3, m + n_rings)
         Displacements, velocities and accelerations of modes, then rings, m, m/s, m/s².
-    augmented : ndarray of float64, shape (n, 2 n)
-        Inverse Newton matrix in the right half, reused while Newton converges; n = 2 (n_points + n_rings).
+    inverse : ndarray of float64, shape (n, n)
+        Inverse of the Newton matrix, reused while Newton converges; n = 2 (n_points + n_rings).
     level : ndarray of int64, shape (1,)
         Level of step size of this inverse; ``NO_LEVEL`` for none.
-    angle, speed : ndarray of float64, shape (1,)
-        Of the shaft, rad and rad/s.
+    angle, speed, acceleration : ndarray of float64, shape (1,)
+        Of the shaft, rad, rad/s and rad/s².
     """
 
     motion: ComplexArray
-    augmented: FloatArray
-    level: NDArray[np.int64]
+    inverse: FloatArray
+    level: IntArray
     angle: FloatArray
     speed: FloatArray
+    acceleration: FloatArray
 
     def set_initial_state(self, initial_state: FloatArray) -> None:
         """Set the motion to an initial state, (4 (m + n_rings),): see `model.dynamics.stability`."""
@@ -85,8 +87,8 @@ class Workspace(NamedTuple):
     ----------
     bodies : ndarray of complex128, shape (2, n_bodies)
         Positions, m, and velocities, m/s: the iterates of Newton's method.
-    start : ndarray of complex128, shape (2, n_bodies)
-        Positions and velocities at the start of the step.
+    start : ndarray of complex128, shape (3, n_bodies)
+        Positions, velocities and accelerations, m/s², at the start of the step.
     free : ndarray of complex128, shape (n_bodies,)
         Positions at the end of the step without bearing forces, m.
     receptance : ndarray of complex128, shape (n_bodies, n_bodies)
@@ -97,6 +99,8 @@ class Workspace(NamedTuple):
         Derivatives of the forces with respect to X and Y, N/m.
     residual, change : ndarray of float64, shape (2 n_bodies,)
         Residual of the equations and Newton step, m: X and Y alternately.
+    matrix : ndarray of float64, shape (2 n_bodies, 2 n_bodies)
+        Newton matrix.
     modal : ndarray of complex128, shape (3, m)
         Forces, diagonal coordinates, compliances.
     saved : ndarray of complex128, shape (3, m + n_rings)
@@ -113,6 +117,7 @@ class Workspace(NamedTuple):
     derivatives: ComplexArray
     residual: FloatArray
     change: FloatArray
+    matrix: FloatArray
     modal: ComplexArray
     saved: ComplexArray
     interval: FloatArray
@@ -135,6 +140,10 @@ class ModalShaft(NamedTuple):
         Modal imbalance at theta = 0, kg m times mode shape.
     weight : ndarray of complex128, shape (m,)
         Modal weight and other constant loads.
+    damping : ndarray of float64, shape (m,)
+        Twice the damping ratio times the natural frequency, rad/s.
+    bow : ndarray of complex128, shape (m,)
+        Modal forces that would bend a straight shaft to the bow at theta = 0.
     """
 
     squared_frequencies: FloatArray
@@ -143,6 +152,8 @@ class ModalShaft(NamedTuple):
     probe: FloatArray
     imbalance: ComplexArray
     weight: ComplexArray
+    damping: FloatArray
+    bow: ComplexArray
 
     @property
     def journals(self) -> FloatArray:
@@ -175,7 +186,7 @@ class Films(NamedTuple):
 
 
 class Rings(NamedTuple):
-    """Rings: the two floating rings, then those of linear supports.
+    """Rings: with films the two floating rings, then those of linear supports.
 
     Parameters
     ----------
@@ -190,11 +201,12 @@ class Rings(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """Shaft, films and rings: the parts of every system."""
+    """Shaft, films, if it has any, and rings: the parts of every system; and the tolerance of positions, m."""
 
     shaft: ModalShaft
-    films: Films
+    films: Films | None
     rings: Rings
+    tolerance: float
 
 
 class Constraints(NamedTuple):
@@ -233,8 +245,8 @@ class ModalSystem:
     ----------
     shaft : ModalShaft
         Modes of the free shaft.
-    films : Films
-        Films of each of the two equal bearings.
+    films : Films, optional
+        Films of each of the two equal bearings; None for a rotor on linear supports alone.
     rings : Rings
         Floating rings and rings of supports.
     constraints : Constraints, optional
@@ -242,11 +254,12 @@ class ModalSystem:
     stations : ndarray of float64, shape (n_stations, m)
         Mode shapes at all stations, kg^-1/2.
     eccentricities : ndarray of float64, shape (4, m + n_rings)
-        Matrix from modal and ring coordinates to the eccentricity ratios of both inner, then both outer films.
+        Matrix from modal and ring coordinates to the eccentricity ratios of both inner, then both outer films; no rows
+        without films.
     """
 
     shaft: ModalShaft
-    films: Films
+    films: Films | None
     rings: Rings
     constraints: Constraints | None
     stations: FloatArray
@@ -264,9 +277,11 @@ class ModalSystem:
 
     @classmethod
     def build(cls, parameters: ModelParameters, modes: int) -> "ModalSystem":
-        """Build the system without the cache; ValueError if the rotor has no films."""
-        films, rings = _films(parameters.floating_ring), _rings(parameters)
-        rotor = parameters.rotor
+        """Build the system without the cache; ParameterError if neither films nor supports hold the rotor."""
+        rotor, bearing = parameters.rotor, parameters.bearing
+        if bearing is None and not parameters.supports:
+            raise ParameterError("bearing: none, expected a rotor on oil films or with [[support]]")
+        films, rings = None if bearing is None else _films(bearing), _rings(parameters)
         free = free_modes(rotor, modes)
         shapes = free.shapes
         imbalance = np.zeros(modes, np.complex128)
@@ -276,7 +291,8 @@ class ModalSystem:
         for load in parameters.loads:
             weight += complex(load.x, load.y) * shapes[rotor.displacement(load.station)]
         supported = {one.station for one in parameters.supports} | {one.station for one in parameters.rubs}
-        points = [*rotor.journal_stations, *sorted(supported.difference(rotor.bearing_stations))]
+        journals = () if bearing is None else rotor.journal_stations
+        points = [*journals, *sorted(supported.difference(journals))]
         positions = np.ascontiguousarray(shapes[[rotor.displacement(station) for station in points]])
         shaft = ModalShaft(
             squared_frequencies=free.frequencies**2,
@@ -285,6 +301,8 @@ class ModalSystem:
             probe=np.ascontiguousarray(shapes[rotor.displacement(parameters.probe_station)]),
             imbalance=imbalance,
             weight=weight,
+            damping=2 * parameters.modal_damping * free.frequencies,
+            bow=parameters.bow_forces() @ shapes,
         )
         return cls(
             shaft=shaft,
@@ -298,7 +316,12 @@ class ModalSystem:
     @property
     def parts(self) -> Parts:
         """Shaft, films and rings."""
-        return Parts(self.shaft, self.films, self.rings)
+        return Parts(self.shaft, self.films, self.rings, POSITION_TOLERANCE * self.clearance)
+
+    @property
+    def clearance(self) -> float:
+        """Clearance of the inner films, m; a usual one without films."""
+        return USUAL_CLEARANCE if self.films is None else self.films.inner_clearance
 
     @property
     def is_isotropic(self) -> bool:
@@ -313,31 +336,28 @@ class ModalSystem:
         """Return the state at rest in the bearing centre, with the shaft at this angle, rad, and speed, rad/s."""
         shaft, modes = self.shaft, self.shaft.squared_frequencies.size
         motion = np.zeros((3, modes + self.rings.mass.size), np.complex128)
-        motion[2, :modes] = (
-            speed**2 * np.exp(1j * angle) * shaft.imbalance + shaft.weight
-        )  # the film force is zero there
+        turned = np.exp(1j * angle) * (speed**2 * shaft.imbalance + shaft.bow)
+        motion[2, :modes] = turned + shaft.weight  # films and supports exert no force there
         motion[2, modes:] = -1j * self.rings.gravity
         n = 2 * (shaft.points.shape[0] + self.rings.mass.size)
         return MotionState(
             motion=motion,
-            augmented=np.zeros((n, 2 * n)),
+            inverse=np.zeros((n, n)),
             level=np.array([NO_LEVEL], np.int64),
             angle=np.array([angle]),
             speed=np.array([float(speed)]),
+            acceleration=np.zeros(1),
         )
 
     def matrices(self, step: float) -> NewmarkMatrices:
         """Return Newmark's matrices for a time step, s, and its divisions by four."""
         steps = np.array([step / 4**level for level in range(N_LEVELS)])
-        transforms, gyroscopic = [], []
-        for h in steps:
-            # 4/h² + w² - i Omega 2/h G = D^(1/2) (1 - i Omega V g V^T) D^(1/2)
-            scale = 1 / np.sqrt(4 / h**2 + self.shaft.squared_frequencies)
-            g, V = np.linalg.eigh(scale[:, None] * self.shaft.gyroscopic * scale * (2 / h))
-            transforms.append(scale[:, None] * V)
-            gyroscopic.append(g)
-        stacked = np.stack(transforms)
-        return NewmarkMatrices(steps, stacked, np.stack(gyroscopic), np.ascontiguousarray(self.shaft.points @ stacked))
+        rates, shaft = 2 / steps[:, None], self.shaft
+        # 4/h² + 2/h d + w² - i Omega 2/h G = D^(1/2) (1 - i Omega V g V^T) D^(1/2)
+        scale = 1 / np.sqrt(rates**2 + rates * shaft.damping + shaft.squared_frequencies)
+        g, V = np.linalg.eigh(scale[:, :, None] * shaft.gyroscopic * (rates * scale)[:, None, :])
+        transforms = scale[:, :, None] * V
+        return NewmarkMatrices(steps, transforms, g, np.ascontiguousarray(shaft.points @ transforms))
 
 
 @lru_cache(maxsize=8)
@@ -358,8 +378,11 @@ def _films(bearing: FloatingRing) -> Films:
     )
 
 
-def _eccentricities(shaft: ModalShaft, films: Films, rings: Rings) -> FloatArray:
-    modes, found = shaft.squared_frequencies.size, np.zeros((4, shaft.squared_frequencies.size + rings.mass.size))
+def _eccentricities(shaft: ModalShaft, films: Films | None, rings: Rings) -> FloatArray:
+    modes = shaft.squared_frequencies.size
+    if films is None:
+        return np.zeros((0, modes + rings.mass.size))
+    found = np.zeros((4, modes + rings.mass.size))
     found[:2, :modes] = shaft.journals / films.inner_clearance
     for bearing in range(2):
         found[bearing, modes + bearing] = -1 / films.inner_clearance
@@ -368,17 +391,17 @@ def _eccentricities(shaft: ModalShaft, films: Films, rings: Rings) -> FloatArray
 
 
 def _rings(parameters: ModelParameters) -> Rings:
-    bearing, gravity = parameters.floating_ring, parameters.gravity
-    others = [support.ring_mass for support in parameters.supports if support.outer is not None]
-    pressed = gravity + bearing.static_load / bearing.ring_mass
-    return Rings(
-        mass=np.array([bearing.ring_mass, bearing.ring_mass, *others]),
-        gravity=np.array([pressed, pressed, *[gravity] * len(others)]),
-    )
+    bearing, gravity = parameters.bearing, parameters.gravity
+    mass = [support.ring_mass for support in parameters.supports if support.outer is not None]
+    down = [gravity] * len(mass)
+    if bearing is not None:
+        mass = [bearing.ring_mass] * 2 + mass
+        down = [gravity + bearing.static_load / bearing.ring_mass] * 2 + down
+    return Rings(mass=np.array(mass), gravity=np.array(down))
 
 
 def _constraints(parameters: ModelParameters, points: list[int], shapes: FloatArray) -> Constraints:
-    supported, ring = [], len(points) + 1  # the last of the two floating rings
+    supported, ring = [], len(points) - 1 + (0 if parameters.bearing is None else 2)
     for support in parameters.supports:
         ring += support.outer is not None
         supported.append((points.index(support.station), -1 if support.outer is None else ring))

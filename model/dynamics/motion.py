@@ -25,8 +25,7 @@ class ShaftMotion:
     """Motion of the shaft along any time history of angle and speed.
 
     The state is preserved between calls, so the result does not depend, bit for bit, on how a time history is divided
-    into calls. The imbalance force of the angular acceleration is neglected: it is smaller than that of the speed by
-    acceleration / speed².
+    into calls. The angular acceleration of a step is that of its speeds; in the gyroscopic moments it is neglected.
 
     Parameters
     ----------
@@ -202,7 +201,7 @@ class ShaftMotion:
         return np.asarray(self._advance(angle, speed, step, self._system.shaft.probe[None, :])[0])
 
     def _advance(self, angle: FloatArray, speed: FloatArray, step: float, outputs: FloatArray) -> FloatArray:
-        angle, speed = np.ascontiguousarray(angle, np.float64), np.ascontiguousarray(speed, np.float64)
+        angle, speed = np.asarray(angle, np.float64), np.asarray(speed, np.float64)
         if angle.ndim != 1 or angle.shape != speed.shape:
             raise ValueError(f"angle, speed: shapes {angle.shape} and {speed.shape}, expected (n,) twice")
         if not (math.isfinite(step) and step > 0):
@@ -222,7 +221,8 @@ class ShaftMotion:
             self._matrices = self._system.matrices(step)
         path = np.empty((outputs.shape[0], angle.size), np.complex128)
         system = self._system
-        failed = integrate(system.parts, system.constraints, self._matrices, self._state, angle, speed, outputs, path)
+        history = np.stack((angle, speed))
+        failed = integrate(system.parts, system.constraints, self._matrices, self._state, history, outputs, path)
         if failed != NO_FAILURE:
             raise WallContactError(self._failure_message(float(speed[failed])))
         return np.stack((path.real, path.imag), axis=1)
@@ -246,8 +246,10 @@ class ShaftMotion:
         )
 
     def _max_eccentricity(self, motion: ComplexArray, speed: float) -> tuple[float, str]:
-        """Return the largest eccentricity ratio of a motion, and a message naming the film."""
+        """Return the largest eccentricity ratio of a motion, and a message naming the film; 0 without films."""
         films, ratios = self._system.films, np.abs(self._system.eccentricities @ motion[0])
+        if films is None:
+            return 0.0, ""
         closest = int(np.argmax(ratios))
         film, body, clearance = (
             ("inner", "journal", films.inner_clearance) if closest < 2 else ("outer", "ring", films.outer_clearance)

@@ -4,12 +4,20 @@ Each step is condensed to the points where forces act on shaft and rings. Comple
 measurement, ``X + i Y``.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from analysis.signals import ComplexArray, FloatArray
 from model.compiling import Compiler
 from model.dynamics import condensed, modal_system
-from model.dynamics.condensed import solve
+from model.dynamics.condensed import (
+    constraint_derivatives,
+    eliminate,
+    film_derivatives,
+    newton_matrix,
+    solve,
+)
 from model.dynamics.modal_system import (
     NO_LEVEL,
     Constraints,
@@ -28,18 +36,38 @@ MAX_SUBSTEP_ANGLE = 2 * np.pi / 48  # shaft rotation per time step, rad
 compiler = Compiler(condensed, film_kernels, modal_system)
 
 
+class Tangent(NamedTuple):
+    """Disturbances of the motion in X and Y, propagated with it to first order.
+
+    Parameters
+    ----------
+    motion : ndarray of float64, shape (3, m + n_rings, 2, n)
+        Displacements, velocities and accelerations of n disturbances; changed in place.
+    saved : ndarray of float64, shape (3, m + n_rings, 2, n)
+        The same at the start of the caller's step.
+    path : ndarray of float64, shape (n_outputs, n_steps, 2, n)
+        Receives the outputs of the disturbances.
+    """
+
+    motion: FloatArray
+    saved: FloatArray
+    path: FloatArray
+
+
 @compiler.inlined
-def _workspace(modes: int, points: int, rings: int) -> Workspace:
+def workspace(modes: int, points: int, rings: int) -> Workspace:
+    """Return the work arrays."""
     bodies = points + rings
     return Workspace(
         np.zeros((2, bodies), np.complex128),
-        np.zeros((2, bodies), np.complex128),
+        np.zeros((3, bodies), np.complex128),
         np.zeros(bodies, np.complex128),
         np.zeros((bodies, bodies), np.complex128),
         np.zeros(bodies, np.complex128),
         np.zeros((bodies, bodies, 2), np.complex128),
         np.zeros(2 * bodies),
         np.zeros(2 * bodies),
+        np.zeros((2 * bodies, 2 * bodies)),
         np.zeros((3, modes), np.complex128),
         np.zeros((3, modes + rings), np.complex128),
         np.zeros((2, 2)),
@@ -54,15 +82,16 @@ def _modes_without_forces(
     h, speed, T = matrices.steps[level], state.speed[0], matrices.transforms[level]
     q, v, a = state.motion[0], state.motion[1], state.motion[2]
     force, y, compliance = work.modal[0], work.modal[1], work.modal[2]
-    imbalance = speed * speed * complex(np.cos(state.angle[0]), np.sin(state.angle[0]))
-    rate = 2 / h
+    turn = complex(np.cos(state.angle[0]), np.sin(state.angle[0]))
+    imbalance, rate = complex(speed * speed, -state.acceleration[0]) * turn, 2 / h  # -d²/dt² exp(i theta)
     for k in range(y.size):
         y[k] = rate * q[k] + v[k]
     for i in range(y.size):
         turned = 0j
         for j in range(y.size):
             turned += shaft.gyroscopic[i, j] * y[j]
-        force[i] = imbalance * shaft.imbalance[i] + shaft.weight[i] + rate * (y[i] + v[i]) + a[i]
+        force[i] = imbalance * shaft.imbalance[i] + turn * shaft.bow[i] + shaft.weight[i]
+        force[i] += rate * (y[i] + v[i]) + a[i] + shaft.damping[i] * y[i]
         force[i] += speed * complex(turned.imag, -turned.real)  # - i Omega G
     for k in range(y.size):
         lag = speed * matrices.gyroscopic[level, k]
@@ -81,12 +110,13 @@ def _bodies_without_forces(
     h, psi, shapes, H = matrices.steps[level], matrices.points[level], shaft.points, work.receptance
     y, compliance = work.modal[1], work.modal[2]
     for p in range(shapes.shape[0]):
-        start, rate, free = 0j, 0j, 0j
+        start, rate, growth, free = 0j, 0j, 0j, 0j
         for k in range(y.size):
             start += shapes[p, k] * state.motion[0, k]
             rate += shapes[p, k] * state.motion[1, k]
+            growth += shapes[p, k] * state.motion[2, k]
             free += psi[p, k] * y[k]
-        work.start[0, p], work.start[1, p], work.free[p] = start, rate, free
+        work.start[0, p], work.start[1, p], work.start[2, p], work.free[p] = start, rate, growth, free
         for c in range(p + 1):
             moved = 0j
             for k in range(y.size):
@@ -95,7 +125,7 @@ def _bodies_without_forces(
     for r in range(rings.mass.size):
         j, k = shapes.shape[0] + r, y.size + r
         position, rate, acceleration = state.motion[0, k], state.motion[1, k], state.motion[2, k]
-        work.start[0, j], work.start[1, j] = position, rate
+        work.start[0, j], work.start[1, j], work.start[2, j] = position, rate, acceleration
         work.free[j] = position + h * rate + h * h / 4 * (acceleration - 1j * rings.gravity[r])
         H[j, j] = h * h / (4 * rings.mass[r]) + 0j
 
@@ -119,18 +149,21 @@ def _step(
     level: int,
     state: MotionState,
     work: Workspace,
+    tangent: Tangent | None,
 ) -> bool:
     # Newmark step, beta = 1/4, gamma = 1/2, to the angle and speed of the state; False if a shorter step is needed
-    shaft, films, rings = parts
+    shaft, _, rings, _ = parts
     _modes_without_forces(shaft, matrices, level, state, work)
     _bodies_without_forces(shaft, rings, matrices, level, state, work)
     h, n, is_last = matrices.steps[level], shaft.points.shape[0], level == matrices.steps.size - 1
     if constraints is not None and not is_last and _needs_shorter_step(constraints, h, work.start, h):
         return False
-    if not solve(films, constraints, h, level, state, work):
+    if not solve(parts, constraints, h, level, state, work):
         return False
     if constraints is not None and not is_last and _needs_shorter_step(constraints, h, work.bodies, 0.0):
         return False
+    if tangent is not None:
+        _tangent_step(parts, constraints, matrices, level, state.speed[0], work, tangent.motion)
     _finish_modes(matrices, level, n, state, work)
     for r in range(rings.mass.size):
         j, k = n + r, work.modal.shape[1] + r
@@ -165,6 +198,93 @@ def _finish_modes(matrices: NewmarkMatrices, level: int, n: int, state: MotionSt
         q[i] = end
 
 
+@compiler.compiled
+def _product(matrix: FloatArray, planes: FloatArray) -> FloatArray:
+    # Product of a matrix, (m, n), and planes of real and imaginary parts, (n, 2, columns); quicker than BLAS
+    product = np.zeros((matrix.shape[0], 2, planes.shape[2]))
+    for i in range(matrix.shape[0]):
+        for k in range(matrix.shape[1]):
+            for x in range(2):
+                for c in range(planes.shape[2]):
+                    product[i, x, c] += matrix[i, k] * planes[k, x, c]
+    return product
+
+
+@compiler.compiled
+def _add_product(planes: FloatArray, factors: tuple[complex, complex], product: FloatArray) -> None:
+    # Add real and imaginary part of two factors times the planes, (2, columns)
+    (a, b), (c, d) = (factors[0].real, factors[1].real), (factors[0].imag, factors[1].imag)
+    for j in range(planes.shape[1]):
+        product[0, j] += a * planes[0, j] + b * planes[1, j]
+    for j in range(planes.shape[1]):
+        product[1, j] += c * planes[0, j] + d * planes[1, j]
+
+
+@compiler.compiled
+def _tangent_forces(derivatives: ComplexArray, bodies: FloatArray) -> FloatArray:
+    # Forces of disturbances of the bodies, (size, 2, columns)
+    forces = np.zeros_like(bodies)
+    for j in range(bodies.shape[0]):
+        for body in range(bodies.shape[0]):
+            slopes = derivatives[j, body, 0], derivatives[j, body, 1]
+            if slopes != (0j, 0j):
+                _add_product(bodies[body], slopes, forces[j])
+    return forces
+
+
+@compiler.compiled
+def _tangent_step(
+    parts: Parts,
+    constraints: Constraints | None,
+    matrices: NewmarkMatrices,
+    level: int,
+    speed: float,
+    work: Workspace,
+    tangent: FloatArray,
+) -> None:
+    # The step of `_step`, after `solve`, for disturbances, with the exact derivatives of the forces
+    shaft, films, rings, _ = parts
+    h, T, psi = matrices.steps[level], matrices.transforms[level], matrices.points[level]
+    n, m, rate, compliance = psi.shape[0], psi.shape[1], 2 / h, work.modal[2]
+    size = n + rings.mass.size
+    slopes, slow = work.derivatives, np.zeros_like(work.derivatives)
+    film_derivatives(films, n, speed, 0j, work.bodies, slow)
+    constraint_derivatives(constraints, speed, 0j, work.bodies, slow)
+    film_derivatives(films, n, speed, rate + 0j, work.bodies, slopes)
+    constraint_derivatives(constraints, speed, rate + 0j, work.bodies, slopes)
+    newton_matrix(n, slopes, work.receptance, work.matrix)
+    q, v, a = tangent[0], tangent[1], tangent[2]
+    y = rate * q + v
+    pushed = rate * (y + v) + a
+    turned, modal = _product(shaft.gyroscopic, y[:m]), np.zeros((m, 2, q.shape[2]))
+    for i in range(m):
+        _add_product(turned[i], (-1j * speed, speed + 0j), pushed[i])  # - i Omega G
+        pushed[i] += shaft.damping[i] * y[i]
+    free = _product(T.T, pushed[:m])
+    for k in range(m):
+        _add_product(free[k], (compliance[k], 1j * compliance[k]), modal[k])
+    bodies, starts = np.empty((size, 2, q.shape[2])), np.empty((size, 2, q.shape[2]))
+    bodies[:n], starts[:n] = _product(psi, modal), _product(shaft.points, y[:m])
+    bodies[n:], starts[n:] = h * h / 4 * pushed[m:], y[m:]
+    rest = _tangent_forces((slopes - slow) / rate, starts)  # forces of the velocities that the start leaves
+    for j in range(size):
+        for body in range(size):
+            H = work.receptance[j, body]
+            if H != 0j:
+                _add_product(rest[body], (-H, -1j * H), bodies[j])
+    eliminate(work.matrix, bodies.reshape(2 * size, -1))  # X and Y alternately
+    forces = _tangent_forces(slopes, bodies) - rest
+    free = _product(psi.T, forces[:n])
+    for k in range(m):
+        _add_product(free[k], (compliance[k], 1j * compliance[k]), modal[k])
+    end = np.empty_like(q)
+    end[:m], end[m:] = _product(T, modal), bodies[n:]
+    change = end - q
+    a[:] = rate * (rate * change - 2 * v) - a
+    v[:] = rate * change - v
+    q[:] = end
+
+
 @compiler.inlined
 def _copy(source: ComplexArray, target: ComplexArray) -> None:
     # Loops: slice assignment takes ten times as long to compile.
@@ -181,14 +301,16 @@ def _substeps(
     level: int,
     state: MotionState,
     work: Workspace,
+    tangent: Tangent | None,
 ) -> bool:
     # One step of the caller in 4^level substeps
     interval = work.interval
     pieces = 4**level
+    state.acceleration[0] = (interval[1, 1] - interval[0, 1]) / matrices.steps[0]
     for piece in range(1, pieces + 1):
         state.angle[0] = interval[0, 0] + (interval[1, 0] - interval[0, 0]) * piece / pieces
         state.speed[0] = interval[0, 1] + (interval[1, 1] - interval[0, 1]) * piece / pieces
-        if not _step(parts, constraints, matrices, level, state, work):
+        if not _step(parts, constraints, matrices, level, state, work, tangent):
             return False
     return True
 
@@ -199,12 +321,12 @@ def integrate(
     constraints: Constraints | None,
     matrices: NewmarkMatrices,
     state: MotionState,
-    angles: FloatArray,
-    speeds: FloatArray,
+    history: FloatArray,
     outputs: FloatArray,
     displacement: ComplexArray,
+    tangent: Tangent | None = None,
 ) -> int:
-    """Integrate the motion along ``angles`` and ``speeds`` with equal time steps.
+    """Integrate the motion along a history of angle and speed with equal time steps.
 
     If the shaft turns too far in a step, touches a wall, or Newton's method does not converge, the step is divided by
     four, repeatedly.
@@ -215,12 +337,14 @@ def integrate(
         The system and its time step.
     state : MotionState
         State of the motion; changed in place.
-    angles, speeds : ndarray of float64, shape (n,)
+    history : ndarray of float64, shape (2, n)
         Angle, rad, and speed, rad/s, of the shaft at the ends of the steps.
     outputs : ndarray of float64, shape (n_outputs, m)
         Mode shapes at the output stations.
     displacement : ndarray of complex128, shape (n_outputs, n)
         Receives the displacement at the output stations, m.
+    tangent : Tangent, optional
+        Disturbances to be propagated with the motion.
 
     Returns
     -------
@@ -228,17 +352,21 @@ def integrate(
         ``NO_FAILURE``, or the index of the step that failed at the shortest length: the motion reached a wall.
     """
     shaft = parts.shaft
-    work = _workspace(shaft.squared_frequencies.size, shaft.points.shape[0], parts.rings.mass.size)
+    work = workspace(shaft.squared_frequencies.size, shaft.points.shape[0], parts.rings.mass.size)
     interval, last = work.interval, matrices.steps.size - 1
-    for n in range(angles.size):
+    for n in range(history.shape[1]):
         interval[0, 0], interval[0, 1] = state.angle[0], state.speed[0]
-        interval[1, 0], interval[1, 1] = angles[n], speeds[n]
+        interval[1, 0], interval[1, 1] = history[0, n], history[1, n]
         level, fastest = 0, max(interval[0, 1], interval[1, 1])
         while matrices.steps[level] * fastest > MAX_SUBSTEP_ANGLE and level < last:
             level += 1
         _copy(state.motion, work.saved)
-        while not _substeps(parts, constraints, matrices, level, state, work):
+        if tangent is not None:
+            tangent.saved[:] = tangent.motion
+        while not _substeps(parts, constraints, matrices, level, state, work, tangent):
             _copy(work.saved, state.motion)
+            if tangent is not None:
+                tangent.motion[:] = tangent.saved
             state.level[0] = NO_LEVEL
             level += 1
             if level > last:
@@ -247,4 +375,6 @@ def integrate(
             displacement[row, n] = 0j
             for k in range(outputs.shape[1]):
                 displacement[row, n] += outputs[row, k] * state.motion[0, k]
+        if tangent is not None:
+            tangent.path[:, n] = _product(outputs, tangent.motion[0, : outputs.shape[1]])
     return NO_FAILURE

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from analysis.signals import ComplexArray, FloatArray
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import STEPS_PER_TURN
-from model.dynamics.newmark import NO_FAILURE, integrate
+from model.dynamics.newmark import NO_FAILURE, Tangent, integrate
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
@@ -30,7 +30,6 @@ from model.rotor.rotor import require_positive
 SETTLING_TURNS = 60  # from rest, before Newton's method
 MAX_ITERATIONS = 40
 TOLERANCE = 1e-5  # of the inner clearance: error of the fixed point
-PERTURBATION = 1e-4  # of the inner clearance: step of finite differences
 MIN_MULTIPLIER = 1e-6  # smaller Floquet multipliers are numerical noise
 
 
@@ -120,12 +119,15 @@ class SynchronousOrbit:
         Least stable whirl of each film, the less stable first.
     disturbances : ndarray of float64, shape (n_whirls, 4 (n_modes + n_rings))
         Disturbance of the state at theta = 0 for each whirl, scaled to 1 m at the journal or ring that moves most.
+    jacobian : ndarray of float64, shape (4 (n_modes + n_rings), 4 (n_modes + n_rings))
+        Derivative of the state one turn later with respect to the initial state.
     """
 
     speed: float
     initial_state: FloatArray
     whirls: tuple[Whirl, ...]
     disturbances: FloatArray
+    jacobian: FloatArray
 
     @property
     def disturbance(self) -> FloatArray:
@@ -170,27 +172,30 @@ def synchronous_orbit(
         If none is found within the clearances.
     """
     require_positive("speed", speed, "rad/s")
+    _ = parameters.floating_ring
     turn = _PoincareMap(ModalSystem.from_parameters(parameters), speed, steps)
     initial_state = turn.after(np.zeros(turn.size), SETTLING_TURNS) if start is None else start.initial_state
-    jacobian, following = turn.differentiate(initial_state)
-    differentiated_at, last = initial_state, math.inf
+    if start is None:
+        following, jacobian, _ = turn.differentiate(initial_state)
+    else:  # the derivative at a neighbouring speed is good enough to converge
+        following, jacobian = turn.after(initial_state, 1), start.jacobian
+    last = math.inf
     for _ in range(MAX_ITERATIONS):
         miss = following - initial_state
         error = float(np.max(np.abs(miss))) / turn.unit
         if error < TOLERANCE:
             break
         if error > 0.3 * last:
-            jacobian, following = turn.differentiate(initial_state)
-            differentiated_at = initial_state
+            following, jacobian, _ = turn.differentiate(initial_state)
+            miss = following - initial_state
         last = error
         initial_state = initial_state + np.linalg.solve(np.eye(turn.size) - jacobian, miss)
         following = turn.after(initial_state, 1)
     else:
         raise NoSolutionError(f"synchronous motion at {speed:.1f} rad/s: no periodic motion found")
-    if np.max(np.abs(initial_state - differentiated_at)) > 100 * PERTURBATION * turn.unit:
-        jacobian, _ = turn.differentiate(initial_state)
-    whirls, disturbances = turn.whirls(initial_state, jacobian)
-    return SynchronousOrbit(speed=speed, initial_state=initial_state, whirls=whirls, disturbances=disturbances)
+    _, jacobian, path = turn.differentiate(initial_state)
+    whirls, disturbances = turn.whirls(jacobian, path)
+    return SynchronousOrbit(speed, initial_state, whirls, disturbances, jacobian)
 
 
 class _PoincareMap:
@@ -204,36 +209,59 @@ class _PoincareMap:
         self._matrices = system.matrices(self._step)
         self._rings = system.rings.mass.size
         self.size = 4 * (self._modes + self._rings)
-        self.unit = system.films.inner_clearance / float(np.abs(system.shaft.journals[:, 0]).max())
+        self.unit = system.clearance / float(np.abs(system.shaft.journals[:, 0]).max())
 
     def after(self, initial_state: FloatArray, turns: int) -> FloatArray:
         """Return the state after whole turns; NoSolutionError if the motion reaches a wall."""
-        (q, v, a), _ = self._integrated(initial_state, turns, np.empty((0, self._modes)))
-        h = self._step
+        return self._reduced(self._integrated(initial_state, turns, None).reshape(3, -1, 1))[:, 0]
+
+    def differentiate(self, initial_state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the state one turn later and the derivative of the map, (size, size).
+
+        The third array is the derivative of the eccentricity ratios of the films in X and Y over the turn,
+        (4, steps, 2, size).
+        """
+        coordinates, size = self.size // 4, self.size
+        motion, each = np.zeros((3, coordinates, 2, size)), np.arange(coordinates)
+        for row, factor in enumerate((1.0, self._speed)):
+            real = 2 * (row * coordinates + each)
+            motion[row, each, 0, real] = motion[row, each, 1, real + 1] = factor
+        path = np.empty((4, self._steps, 2, size))
+        following = self._integrated(initial_state, 1, Tangent(motion, motion.copy(), path))
+        return (
+            self._reduced(following.reshape(3, -1, 1))[:, 0],
+            self._reduced(motion[:, :, 0] + 1j * motion[:, :, 1]),
+            path,
+        )
+
+    def _reduced(self, motion: ComplexArray) -> FloatArray:
+        """Return the numbers that define states, (size, n), of motions, (3, n_modes + n_rings, n)."""
+        (q, v, a), h = motion, self._step
         combined = 2 / h * q + v
         rate = h / 2 * (4 / h**2 * q + 4 / h * v + a) - combined
-        return np.ascontiguousarray(np.concatenate((h / 2 * (combined - rate), rate / self._speed))).view(np.float64)
+        both = np.concatenate((h / 2 * (combined - rate), rate / self._speed))
+        return np.stack((both.real, both.imag), axis=1).reshape(self.size, -1)
 
-    def _integrated(
-        self, initial_state: FloatArray, turns: int, outputs: FloatArray
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Return the motion after whole turns, and the outputs at the ends of the steps."""
+    def _integrated(self, initial_state: FloatArray, turns: int, tangent: Tangent | None) -> ComplexArray:
+        """Return the motion after whole turns."""
         system, state = self._system, self._system.at_rest(angle=0.0, speed=self._speed)
         state.set_initial_state(initial_state)
+        outputs = system.eccentricities
         angles = 2 * math.pi / self._steps * np.arange(1, turns * self._steps + 1, dtype=np.float64)
-        speeds, path = np.full(angles.size, self._speed), np.empty((outputs.shape[0], angles.size), np.complex128)
-        is_possible = system.is_inside_clearances(state.motion) and (
-            integrate(system.parts, system.constraints, self._matrices, state, angles, speeds, outputs, path)
-            == NO_FAILURE
-        )
-        if not is_possible:
+        history = np.stack((angles, np.full(angles.size, self._speed)))
+        path = np.empty((outputs.shape[0], angles.size), np.complex128)
+        if (
+            not system.is_inside_clearances(state.motion)
+            or integrate(system.parts, system.constraints, self._matrices, state, history, outputs, path, tangent)
+            != NO_FAILURE
+        ):
             raise NoSolutionError(f"synchronous motion at {self._speed:.1f} rad/s: none found within the clearances")
-        return state.motion, path
+        return state.motion
 
-    def whirls(self, initial_state: FloatArray, jacobian: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
+    def whirls(self, jacobian: FloatArray, path: FloatArray) -> tuple[tuple[Whirl, ...], FloatArray]:
         """Return the least stable whirl of each film, the less stable first, and the disturbance of each."""
         multipliers, vectors = np.linalg.eig(jacobian)
-        orbit, found = self._eccentricities(initial_state), dict[FilmName, tuple[Whirl, FloatArray]]()
+        found = dict[FilmName, tuple[Whirl, FloatArray]]()
         for place in np.argsort(-np.abs(multipliers), kind="stable"):
             multiplier, vector = complex(multipliers[place]), vectors[:, place]
             if len(found) == len(FilmName) or (found and abs(multiplier) < MIN_MULTIPLIER):
@@ -241,31 +269,15 @@ class _PoincareMap:
             if multiplier.imag < 0:  # conjugate of a pair
                 continue
             exponent = complex(math.log(max(abs(multiplier), 1e-300)), cmath.phase(multiplier)) / (2 * math.pi)
-            small = PERTURBATION * self.unit / float(np.abs(vector).max())
-            parts = [self._eccentricities(initial_state + small * part) - orbit for part in (vector.real, vector.imag)]
-            real, imaginary = (np.stack((part.real, part.imag), axis=1) / small for part in parts)
-            order, share = order_and_share(real + 1j * imaginary, exponent)
+            pairs = path.reshape(-1, self.size) @ np.stack((vector.real, vector.imag), axis=1)
+            disturbance = pairs.view(np.complex128).reshape(path.shape[:-1]).swapaxes(1, 2)
+            order, share = order_and_share(disturbance, exponent)
             whirl = Whirl(growth_rate=exponent.real * self._speed, order=order, inner_share=share)
             found.setdefault(whirl.film, (whirl, self._scaled(vector.real)))
         return tuple(whirl for whirl, _ in found.values()), np.stack([begin for _, begin in found.values()])
-
-    def _eccentricities(self, initial_state: FloatArray) -> ComplexArray:
-        """Return the eccentricity ratios of the films over a turn, (4, steps)."""
-        return self._integrated(initial_state, 1, self._system.eccentricities)[1]
 
     def _scaled(self, disturbance: FloatArray) -> FloatArray:
         """Return the disturbance scaled to 1 m at the journal or ring that moves most."""
         place = np.ascontiguousarray(disturbance).view(np.complex128)[: self._modes + self._rings]
         journals = self._system.shaft.journals @ place[: self._modes]
         return disturbance / max(float(np.abs(journals).max()), float(np.abs(place[self._modes :]).max()))
-
-    def differentiate(self, initial_state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the derivative of the map, (size, size), and its value."""
-        following = self.after(initial_state, 1)
-        jacobian = np.empty((self.size, self.size))
-        change = PERTURBATION * self.unit
-        for column in range(self.size):
-            shifted = initial_state.copy()
-            shifted[column] += change
-            jacobian[:, column] = (self.after(shifted, 1) - following) / change
-        return jacobian, following

@@ -7,22 +7,20 @@ imbalance looks less stable at low speed than it is. Anisotropic supports make t
 is the periodic orbit of `model.dynamics.stability`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.signals import ComplexArray, FloatArray
-from model.dynamics.condensed import bearing_force_derivatives, bearing_forces
 from model.dynamics.modal_system import ModalSystem
 from model.dynamics.motion import ShaftMotion
-from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, inner_shares, synchronous_orbit
+from model.dynamics.rotating_frame import disturbance, rotating_motion
+from model.dynamics.stability import FilmName, SynchronousOrbit, Whirl, synchronous_orbit
 from model.errors import NoSolutionError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_positive
 
-MAX_ITERATIONS = 60
-MAX_ECCENTRICITY = 0.9999  # eccentricity ratio accepted in Newton's method
 ELLIPTIC_STEPS = 256  # time steps per turn of an elliptic motion: 1X within 0.02 %
 
 
@@ -101,22 +99,19 @@ def synchronous_response(
         If Newton's method finds no motion within the clearances.
     """
     require_positive("speed", speed, "rad/s")
+    _ = parameters.floating_ring
     system = ModalSystem.from_parameters(parameters, modes)
     if not system.is_isotropic:
         return _elliptic(parameters, speed, None if start is None else start.orbit)
-    frame = _RotatingFrame(system, speed)
-    rest = np.zeros(frame.bodies, np.complex128)
-    found = frame.solve(rest if start is None else start.bodies, 1.0)
+    rest = np.zeros(system.shaft.points.shape[0] + system.rings.mass.size, np.complex128)
+    found = _continued(system, rest if start is None else start.bodies, [(speed, 1.0)])
     if found is None:
-        found = _continuation(
-            rest, ((frame, float(imbalance_fraction)) for imbalance_fraction in np.linspace(0.05, 1.0, 20))
-        )
+        found = _continued(system, rest, [(speed, float(fraction)) for fraction in np.linspace(0.05, 1.0, 20)])
     if found is None:
-        speeds = np.geomspace(speed / 20, speed, 60)
-        found = _continuation(rest, ((_RotatingFrame(system, float(lower)), 1.0) for lower in speeds))
+        found = _continued(system, rest, [(float(lower), 1.0) for lower in np.geomspace(speed / 20, speed, 60)])
     if found is None:
         raise NoSolutionError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
-    modal = frame.modal(found)
+    positions, modal, matrix = found
     circles = system.stations @ modal
     circle = complex(system.shaft.probe @ modal)
     return SynchronousResponse(
@@ -124,9 +119,42 @@ def synchronous_response(
         vectors=_probe_vectors(parameters, circle, 0j),
         circle=circle,
         stations=np.stack((circles, -1j * circles)),
-        bodies=found,
-        whirls=frame.whirls(found),
+        bodies=positions,
+        whirls=_whirls(matrix, system.eccentricities, speed),
     )
+
+
+def _continued(
+    system: ModalSystem, start: ComplexArray, steps: Sequence[tuple[float, float]]
+) -> tuple[ComplexArray, ComplexArray, FloatArray] | None:
+    """Solve for successive speeds and fractions of the excitation, each from the one before; None if one fails.
+
+    Returns positions, modal displacements and first-order matrix of the last.
+    """
+    positions, parts = start.copy(), system.parts
+    for speed, fraction in steps:
+        is_solved, modal, matrix = rotating_motion(parts, system.constraints, speed, fraction, positions)
+        if not is_solved:
+            return None
+    return positions, modal, matrix
+
+
+def _whirls(matrix: FloatArray, eccentricities: FloatArray, speed: float) -> tuple[Whirl, ...]:
+    """Return the least stable whirl of each film, the less stable first, from the first-order matrix.
+
+    Only the few eigenvectors that are needed are computed, by inverse iteration: all would take as long as the rest.
+    """
+    values = np.linalg.eigvals(matrix)
+    values = values[values.imag >= 0]  # one of each conjugate pair
+    found: dict[FilmName, Whirl] = {}
+    for value in values[np.argsort(-values.real, kind="stable")]:
+        if len(found) == len(FilmName):
+            break
+        is_reverse, share = disturbance(matrix, complex(value), eccentricities)
+        order = 1 + (-value.imag if is_reverse else value.imag) / speed
+        whirl = Whirl(float(value.real), float(order), share)
+        found.setdefault(whirl.film, whirl)
+    return tuple(found.values())
 
 
 def _probe_vectors(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:
@@ -156,138 +184,3 @@ def _elliptic(parameters: ModelParameters, speed: float, start: SynchronousOrbit
         whirls=orbit.whirls,
         orbit=orbit,
     )
-
-
-def _continuation(found: ComplexArray, steps: "Iterable[tuple[_RotatingFrame, float]]") -> ComplexArray | None:
-    """Solve a sequence of frames and fractions of the imbalance, each from the previous; None if one fails."""
-    for frame, imbalance_fraction in steps:
-        following = frame.solve(found, imbalance_fraction)
-        if following is None:
-            return None
-        found = following
-    return found
-
-
-class _RotatingFrame:
-    """Equations of motion in the frame rotating with the shaft; bodies are points of the shaft, then rings."""
-
-    def __init__(self, system: ModalSystem, speed: float) -> None:
-        self._system, self._speed = system, speed
-        shaft, mass = system.shaft, system.rings.mass
-        self._points, self.bodies = shaft.points.shape[0], shaft.points.shape[0] + mass.size
-        # w² - Omega² + Omega² G, from M z'' - i Omega J z' + K z with z = Z exp(i Omega t)
-        dynamic = np.diag(shaft.squared_frequencies - speed**2) + speed**2 * shaft.gyroscopic
-        self._compliance = np.linalg.inv(dynamic)
-        n = self._points
-        self._receptance = np.zeros((self.bodies, self.bodies))
-        self._receptance[:n, :n] = shaft.points @ self._compliance @ shaft.points.T
-        self._receptance[n:, n:] = np.diag(-1 / (mass * speed**2))
-        self._unloaded = np.zeros(self.bodies, np.complex128)
-        self._unloaded[:n] = shaft.points @ self._compliance @ (speed**2 * shaft.imbalance)
-
-    def _state(self, positions: ComplexArray) -> ComplexArray:
-        return np.stack((positions, 1j * self._speed * positions))
-
-    def _forces(self, positions: ComplexArray) -> ComplexArray:
-        system = self._system
-        return bearing_forces(system.films, system.constraints, self._speed, self._state(positions))
-
-    def _force_derivatives(self, positions: ComplexArray, velocity_ratio: complex) -> FloatArray:
-        """Return the derivatives of the forces by position, (2 bodies, 2 bodies), X and Y alternately."""
-        system, size = self._system, self.bodies
-        derivatives = bearing_force_derivatives(
-            system.films, system.constraints, self._speed, velocity_ratio, self._state(positions)
-        )
-        pairs = np.stack((derivatives.real, derivatives.imag), axis=1)  # body, its X or Y, other body, its X or Y
-        return np.asarray(pairs.reshape(2 * size, 2 * size))
-
-    def _residual(self, positions: ComplexArray, imbalance_fraction: float) -> ComplexArray:
-        return np.asarray(positions - imbalance_fraction * self._unloaded - self._receptance @ self._forces(positions))
-
-    def _jacobian(self, positions: ComplexArray) -> FloatArray:
-        through = _kron(self._receptance, np.eye(2)) @ self._force_derivatives(positions, 1j * self._speed)
-        return np.asarray(np.eye(2 * self.bodies) - through)
-
-    def solve(self, positions: ComplexArray, imbalance_fraction: float) -> ComplexArray | None:
-        """Return the positions, (n_bodies,), for a fraction of the imbalance; None if Newton's method fails."""
-        if self._eccentricity(positions) >= MAX_ECCENTRICITY:
-            positions = np.zeros(self.bodies, np.complex128)
-        residual = self._residual(positions, imbalance_fraction)
-        for _ in range(MAX_ITERATIONS):
-            if np.max(np.abs(residual)) < 1e-10 * self._system.films.inner_clearance:
-                return positions
-            change = np.linalg.solve(self._jacobian(positions), -_real(residual)).view(np.complex128)
-            fraction = 1.0
-            while fraction > 1e-6:
-                trial = positions + fraction * change
-                if self._eccentricity(trial) < MAX_ECCENTRICITY:
-                    following = self._residual(trial, imbalance_fraction)
-                    if np.linalg.norm(following) < np.linalg.norm(residual):
-                        break
-                fraction /= 2
-            else:
-                return None
-            positions, residual = trial, following
-        return None
-
-    def _eccentricity(self, positions: ComplexArray) -> float:
-        films, journals, rings = self._system.films, positions[:2], positions[self._points : self._points + 2]
-        inner, outer = np.abs(journals - rings) / films.inner_clearance, np.abs(rings) / films.outer_clearance
-        return float(max(inner.max(), outer.max()))
-
-    def modal(self, positions: ComplexArray) -> ComplexArray:
-        """Return the modal displacements, (m,)."""
-        shaft, forces = self._system.shaft, self._forces(positions)[: self._points]
-        return np.asarray(self._compliance @ (self._speed**2 * shaft.imbalance + shaft.points.T @ forces))
-
-    def whirls(self, positions: ComplexArray) -> tuple[Whirl, ...]:
-        """Return the least stable whirl of each film about this motion, the less stable first."""
-        shaft, mass, speed = self._system.shaft, self._system.rings.mass, self._speed
-        modes, n = shaft.squared_frequencies.size, self._points
-        size = modes + mass.size  # complex coordinates: modes, rings
-        # q'' + i Omega (2 - G) q' + (w² - Omega² + Omega² G) q = forces ; rings: 1/m
-        damping = 2j * speed * np.eye(size, dtype=np.complex128)
-        damping[:modes, :modes] -= 1j * speed * shaft.gyroscopic
-        stiffness = -(speed**2) * np.eye(size, dtype=np.complex128)
-        stiffness[:modes, :modes] += np.diag(shaft.squared_frequencies) + speed**2 * shaft.gyroscopic
-        observation, input_matrix = np.zeros((self.bodies, size)), np.zeros((size, self.bodies))
-        observation[:n, :modes], observation[n:, modes:] = shaft.points, np.eye(mass.size)
-        input_matrix[:modes, :n], input_matrix[modes:, n:] = shaft.points.T, np.diag(1 / mass)
-        observation, input_matrix = _kron(observation, np.eye(2)), _kron(input_matrix, np.eye(2))
-        still, moving = (
-            self._force_derivatives(positions, 1j * speed),
-            self._force_derivatives(positions, (1 + 1j) * speed),
-        )
-        stiffness_real = _expand(stiffness) - input_matrix @ still @ observation
-        damping_real = _expand(damping) - input_matrix @ ((moving - still) / speed) @ observation
-        n = 2 * size
-        first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness_real, -damping_real]])
-        values, vectors = np.linalg.eig(first_order)
-        films = np.tensordot(self._system.eccentricities, vectors[:n].reshape(size, 2, n * 2), 1)
-        circles = np.stack((films[:, 0] + 1j * films[:, 1], films[:, 0] - 1j * films[:, 1]))  # with +Im, and against
-        reverse = np.argmax(np.linalg.norm(circles, axis=1), axis=0)
-        shares = inner_shares(np.take_along_axis(circles, reverse[None, None], axis=0)[0])
-        orders = 1 + np.where(reverse == 0, values.imag, -values.imag) / speed
-        found: dict[FilmName, Whirl] = {}
-        for index in np.argsort(-values.real, kind="stable"):
-            if len(found) == len(FilmName):
-                break
-            whirl = Whirl(float(values[index].real), float(orders[index]), float(shares[index]))
-            found.setdefault(whirl.film, whirl)
-        return tuple(found.values())
-
-
-def _real(vector: ComplexArray) -> FloatArray:
-    return np.ascontiguousarray(vector).view(np.float64)
-
-
-def _expand(matrix: ComplexArray) -> FloatArray:
-    """Return a complex matrix as a real one acting on (Re, Im) pairs."""
-    turned = np.array([[0.0, -1.0], [1.0, 0.0]])
-    return _kron(matrix.real, np.eye(2)) + _kron(matrix.imag, turned)
-
-
-def _kron(matrix: FloatArray, pair: FloatArray) -> FloatArray:
-    """Return the Kronecker product with a 2 by 2 matrix, much faster than `numpy.kron`."""
-    rows, columns = matrix.shape
-    return np.asarray((matrix[:, None, :, None] * pair[None, :, None, :]).reshape(2 * rows, 2 * columns), np.float64)

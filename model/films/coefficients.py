@@ -15,13 +15,12 @@ from scipy.sparse.linalg import splu
 from analysis.signals import ComplexArray, FloatArray
 from model.errors import EquilibriumError, ParameterError
 from model.films.film import Film, bearing_films
+from model.films.film_kernels import FORCE_LAWS, film_force, film_slopes
 from model.films.finite_film import Flow, Grid, pressure_unit, slenderness, solve_reynolds, thickness
-from model.films.short_film import CaponeForm, force_components
 from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing
 from model.rotor.rotor import require_positive
 
 MAX_ECCENTRICITY = 1 - 1e-6
-COMPLEX_STEP = 1e-30
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,10 +149,8 @@ def short_film_coefficients(film: Film, load: float, surface_speed: float) -> Li
     return LinearCoefficients(position, complex(0.0, load), unit * stiffness, unit / surface_speed * damping)
 
 
-def differentiated_coefficients(
-    film: Film, position: complex, surface_speed: float, form: CaponeForm = CaponeForm.EXACT
-) -> LinearCoefficients:
-    """Return the coefficients of a film force at rest by complex-step differentiation, exact to rounding.
+def differentiated_coefficients(film: Film, position: complex, surface_speed: float) -> LinearCoefficients:
+    """Return the coefficients of a short film at rest: the exact derivatives of its force.
 
     Parameters
     ----------
@@ -163,8 +160,6 @@ def differentiated_coefficients(
         Of the inner body relative to the outer one, X + i Y, m; not the centre, where a static film has no force.
     surface_speed : float
         w, rad/s.
-    form : CaponeForm, optional
-        Form of Capone's force; at rest both have the same coefficients.
 
     Returns
     -------
@@ -178,17 +173,10 @@ def differentiated_coefficients(
     _require_inside(abs(position) / film.clearance)
     if not (math.isfinite(surface_speed) and surface_speed != 0):
         raise ParameterError(f"surface_speed: {surface_speed:g} rad/s, expected a finite value other than 0")
-    rest = np.array([position.real / film.clearance, position.imag / film.clearance, 0.0, 0.0], dtype=np.complex128)
-    along_x, along_y = force_components(film.model, (rest[0], rest[1], rest[2], rest[3]), surface_speed, form)
-    slopes = np.empty((2, 4))
-    for coordinate in range(4):
-        state = rest.copy()
-        state[coordinate] += 1j * COMPLEX_STEP
-        force = force_components(film.model, (state[0], state[1], state[2], state[3]), surface_speed, form)
-        slopes[:, coordinate] = np.imag(force) / COMPLEX_STEP
-    unit = film.factor / film.clearance
-    static_force = film.factor * complex(along_x.real, along_y.real)
-    return LinearCoefficients(position, static_force, -unit * slopes[:, :2], -unit * slopes[:, 2:])
+    state = (FORCE_LAWS[film.model], complex(position), 0j, film.clearance, float(surface_speed), film.factor)
+    at_rest, moving = (np.array(film_slopes(*state, ratio)) for ratio in (0j, complex(surface_speed)))
+    stiffness, damping = (np.stack((one.real, one.imag)) for one in (-at_rest, (at_rest - moving) / surface_speed))
+    return LinearCoefficients(position, film_force(*state), stiffness, damping)
 
 
 def series_impedance(

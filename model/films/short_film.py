@@ -71,44 +71,6 @@ def capone_components(
     return np.where(moves, along_x, 0.0), np.where(moves, along_y, 0.0)
 
 
-def full_sommerfeld_components(
-    x: Numbers, y: Numbers, x_rate: Numbers, y_rate: Numbers, surface_speed: float
-) -> tuple[Numbers, Numbers]:
-    """Return the force of the short film without cavity; parameters and result as for `capone_components`."""
-    u = 1 - x * x - y * y
-    scale = 4 * np.pi / (u * np.sqrt(u))
-    squeeze = 3 * (x * x_rate + y * y_rate) / u
-    along_x = scale * (-surface_speed * y / 2 - x_rate - squeeze * x)
-    along_y = scale * (surface_speed * x / 2 - y_rate - squeeze * y)  # integral of (2.6) over the full circumference
-    return along_x, along_y
-
-
-def force_components(
-    model: FilmModel,
-    state: tuple[Numbers, Numbers, Numbers, Numbers],
-    surface_speed: float,
-    form: CaponeForm = CaponeForm.EXACT,
-) -> tuple[Numbers, Numbers]:
-    """Return the force of a film model in X and Y, rad/s.
-
-    Parameters
-    ----------
-    model : FilmModel
-        Force law.
-    state : tuple of ndarray
-        x, y, x_rate and y_rate as for `capone_components`.
-    surface_speed : float
-        w, rad/s.
-    form : CaponeForm, optional
-        Form of Capone's force.
-    """
-    if model is FilmModel.FULL_SOMMERFELD:
-        if form is CaponeForm.AS_PRINTED:
-            require_capone(model)
-        return full_sommerfeld_components(*state, surface_speed)
-    return capone_components(*state, surface_speed, form)
-
-
 def require_capone(model: FilmModel) -> None:
     """Raise ParameterError for the printed form of another film model than Capone's."""
     if model is not FilmModel.CAPONE:

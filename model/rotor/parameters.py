@@ -1,9 +1,13 @@
 """Parameters of the model: rotor, floating-ring bearings, imbalance, gravity and probe positions."""
 
+import cmath
 import math
 from dataclasses import dataclass
 from enum import StrEnum
 
+import numpy as np
+
+from analysis.signals import ComplexArray
 from model.errors import ParameterError
 from model.rotor.rotor import Rotor, require_positive
 from model.rotor.supports import Rub, StaticLoad, Support
@@ -125,8 +129,33 @@ class Imbalance:
 
 
 @dataclass(frozen=True, slots=True)
+class Bow:
+    """Displacement of the unloaded, bent shaft at a station; it rotates with the shaft.
+
+    Parameters
+    ----------
+    station : int
+        Counted from 1 at the compressor end.
+    displacement : float
+        From the line through the journals, m.
+    phase : float
+        Angle from the once-per-turn mark in the direction of rotation, rad.
+    """
+
+    station: int
+    displacement: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.displacement) and math.isfinite(self.phase)):
+            raise ParameterError(
+                f"bow: {self.displacement:g} m at {self.phase:g} rad at station {self.station}, expected finite values"
+            )
+
+
+@dataclass(frozen=True, slots=True)
 class ModelParameters:
-    """A rotor on two equal floating-ring bearings, with its loads and the probes.
+    """A rotor on two equal floating-ring bearings or on linear supports, with its loads and the probes.
 
     Parameters
     ----------
@@ -149,6 +178,11 @@ class ModelParameters:
         linear response use them alone.
     rubs : tuple of Rub
         Walls that the shaft may touch in the motion in time.
+    bows : tuple of Bow
+        Residual bow of the shaft. Its shape is the elastic line through these displacements and through 0 at the
+        journals and supports.
+    modal_damping : float
+        Damping ratio of every bending mode of the free shaft against the fixed frame.
 
     Raises
     ------
@@ -167,6 +201,8 @@ class ModelParameters:
     loads: tuple[StaticLoad, ...] = ()
     supports: tuple[Support, ...] = ()
     rubs: tuple[Rub, ...] = ()
+    bows: tuple[Bow, ...] = ()
+    modal_damping: float = 0.0
 
     def __post_init__(self) -> None:
         last = self.rotor.stations
@@ -177,16 +213,9 @@ class ModelParameters:
         for angle in self.probe_angles:
             if not math.isfinite(angle):
                 raise ParameterError(f"probe_angles: {angle} rad, expected finite angles")
-        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support | Rub, ...]], ...] = (
-            ("imbalance", self.imbalances),
-            ("load", self.loads),
-            ("support", self.supports),
-            ("rub", self.rubs),
-        )
-        for name, things in placed:
-            for thing in things:
-                if not 1 <= thing.station <= last:
-                    raise ParameterError(f"{name}: station {thing.station}, expected 1 to {last}")
+        if not 0 <= self.modal_damping < 1:
+            raise ParameterError(f"modal_damping: {self.modal_damping:g}, expected a ratio, 0 or more and below 1")
+        self._require_stations()
         maximum, reason = math.inf, ""
         if self.bearing is not None:
             maximum = self.rotor.mass * self.bearing.clearance
@@ -194,6 +223,20 @@ class ModelParameters:
             self.rotor.require_journals()
         for imbalance in self.imbalances:
             imbalance.require_below(maximum, reason)
+
+    def _require_stations(self) -> None:
+        last = self.rotor.stations
+        placed: tuple[tuple[str, tuple[Imbalance | StaticLoad | Support | Rub | Bow, ...]], ...] = (
+            ("imbalance", self.imbalances),
+            ("load", self.loads),
+            ("support", self.supports),
+            ("rub", self.rubs),
+            ("bow", self.bows),
+        )
+        for name, things in placed:
+            for thing in things:
+                if not 1 <= thing.station <= last:
+                    raise ParameterError(f"{name}: station {thing.station}, expected 1 to {last}")
 
     @property
     def floating_ring(self) -> FloatingRing:
@@ -205,4 +248,24 @@ class ModelParameters:
     @property
     def is_loaded(self) -> bool:
         """Whether weight or other constant loads move the shaft or the rings out of the bearing centre."""
-        return bool(self.gravity > 0 or self.loads or self.floating_ring.static_load)
+        return bool(self.gravity > 0 or self.loads or (self.bearing and self.bearing.static_load))
+
+    def bow_forces(self) -> ComplexArray:
+        """Return the forces and moments that would bend a straight shaft to the bow at theta = 0, (2 n,), N and N m.
+
+        Raises ParameterError if displacements are known at fewer than three stations: the shaft would be straight.
+        """
+        rotor, shape = self.rotor, np.zeros(2 * self.rotor.stations, np.complex128)
+        if not self.bows:
+            return shape
+        held = (*rotor.bearing_stations, *(support.station for support in self.supports))
+        known = dict.fromkeys((rotor.displacement(station) for station in held), 0j)
+        known |= {rotor.displacement(bow.station): cmath.rect(bow.displacement, bow.phase) for bow in self.bows}
+        if len(known) < 3:
+            raise ParameterError(f"bow: known at {len(known)} stations with those of the journals, expected three")
+        stiffness, dofs = rotor.stiffness_matrix(), list(known)
+        free = [dof for dof in range(shape.size) if dof not in known]
+        shape[dofs] = list(known.values())
+        # no force acts elsewhere
+        shape[free] = -np.linalg.solve(stiffness[np.ix_(free, free)], stiffness[np.ix_(free, dofs)] @ shape[dofs])
+        return np.asarray(stiffness @ shape)

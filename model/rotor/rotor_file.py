@@ -7,7 +7,7 @@ from functools import partial
 from typing import TypeVar
 
 from model.errors import ParameterError
-from model.rotor.parameters import GRAVITY, FilmModel, FloatingRing, Imbalance, ModelParameters
+from model.rotor.parameters import GRAVITY, Bow, FilmModel, FloatingRing, Imbalance, ModelParameters
 from model.rotor.rotor import Beam, Disc, Rotor, Segment, ShaftMass
 from model.rotor.supports import Rub, StaticLoad, Support, SupportCoefficients
 from model.rotor.tables import Table, TableError
@@ -55,6 +55,8 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
     loads = [_load(table, last, faults) for table in root.tables("load")]
     supports = [_support(table, last, faults) for table in root.tables("support")]
     rubs = [_rub(table, rotor, last, faults) for table in root.tables("rub")]
+    bows = [_bow(table, last, faults) for table in root.tables("bow")]
+    modal_damping = root.number("modal_damping", "number", 0.0, "not negative")
     probe_station, probe_angles = 1, (0.0, math.pi / 2)
     probes = root.table("probes", required=False)
     if probes is not None:
@@ -75,6 +77,8 @@ def parse_rotor(tables: Mapping[str, object]) -> ModelParameters:
             loads=tuple(one for one in loads if one is not None),
             supports=tuple(one for one in supports if one is not None),
             rubs=tuple(one for one in rubs if one is not None),
+            bows=tuple(one for one in bows if one is not None),
+            modal_damping=modal_damping,
         )
     except ParameterError as error:
         raise TableError([str(error)]) from error
@@ -242,6 +246,12 @@ def _load(table: Table, last: int, faults: list[str]) -> StaticLoad | None:
     station = _station(table, last)
     x, y = table.number("x", "force", 0.0, "any"), table.number("y", "force", 0.0, "any")
     return _build(table, faults, lambda: StaticLoad(station, x, y))
+
+
+def _bow(table: Table, last: int, faults: list[str]) -> Bow | None:
+    station, displacement = _station(table, last), table.number("displacement", "length", limit="any")
+    phase = table.number("phase", "angle", 0.0, "any")
+    return _build(table, faults, lambda: Bow(station, displacement, phase))
 
 
 def _support(table: Table, last: int, faults: list[str]) -> Support | None:

@@ -23,6 +23,7 @@ TURNS = 10
 def lsoda(system: ModalSystem, turns: int) -> float:
     """Return the CPU time of SciPy's LSODA with NumPy matrices and the compiled film force, s."""
     shaft, films, rings = system.shaft, system.films, system.rings
+    assert films is not None
     modes = shaft.squared_frequencies.size
 
     def rates(time_now: float, flat: NDArray[np.float64]) -> NDArray[np.float64]:

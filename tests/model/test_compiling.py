@@ -18,13 +18,14 @@ print(len(compiled.buffer))
 ONE_FORCE = "from model.films.film_kernels import capone_force; capone_force(1e-6, 0j, 20e-6, 100.0, 1.0)"
 FORCES = """
     import numpy as np
-    from model.dynamics.condensed import bearing_forces
+    from model.dynamics.condensed import film_derivatives
     from model.rotor.gj90c import gj90c
     from model.dynamics.modal_system import ModalSystem
     from model.films.film_kernels import FORCE_LAWS
     films = ModalSystem.from_parameters(gj90c()).films
+    slopes, bodies = np.zeros((4, 4, 2), complex), np.full((2, 4), 1e-6 + 0j)
     for law in FORCE_LAWS.values():
-        bearing_forces(films._replace(law=law), None, 1000.0, np.full((2, 4), 1e-6 + 0j))
+        film_derivatives(films._replace(law=law), 2, 1000.0, 1j, bodies, slopes)
 """
 WHOLE_START = """
     import numpy as np

@@ -40,7 +40,7 @@ def _film(z: complex, v: complex, clearance: float, spin: float, factor: float) 
 def _rates(
     time: float, state: ComplexArray, speed: float, shaft: ModalShaft, films: Films, rings: Rings
 ) -> ComplexArray:
-    squared_frequencies, gyroscopic, journals, _, imbalance, weight = shaft
+    squared_frequencies, gyroscopic, journals, _, imbalance, weight, _, _ = shaft
     m, n = squared_frequencies.size, state.size // 2  # modes; modes and rings
     inner_factor, outer_factor, inner_c, outer_c, inner_spin, outer_spin, _ = films
     out = np.empty(state.size, np.complex128)
@@ -69,9 +69,11 @@ def _rates(
 def compiled_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Rates:
     """Return d(state)/dt at a constant speed, compiled; the state holds modes and rings, then their velocities."""
     system = ModalSystem.from_parameters(parameters, modes)
+    films = system.films
+    assert films is not None
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
-        found: ComplexArray = _rates(time, flat.view(np.complex128), speed, system.shaft, system.films, system.rings)
+        found: ComplexArray = _rates(time, flat.view(np.complex128), speed, system.shaft, films, system.rings)
         return found.view(np.float64)
 
     return rates
@@ -142,12 +144,14 @@ def constrained_rates(parameters: ModelParameters, speed: float, modes: int) -> 
             last += 1
             matrices[s, 2:] = one.outer.stiffness, one.outer.damping
             rings[s] = last, one.ring_mass, parameters.gravity
+    films = system.films
+    assert films is not None
     touched = system.stations[[one.station - 1 for one in rubs]]
     walls = np.array([(w.clearance, w.stiffness, w.radius, w.friction, w.damping) for w in rubs]).reshape(-1, 5)
 
     def rates(time: float, flat: FloatArray) -> FloatArray:
         state = flat.view(np.complex128)
-        found: ComplexArray = _rates(time, state, speed, system.shaft, system.films, system.rings)
+        found: ComplexArray = _rates(time, state, speed, system.shaft, films, system.rings)
         _hold(found, state, modes, supported, matrices, rings)
         _rub(found, state, modes, speed, touched, walls)
         return found.view(np.float64)
@@ -159,6 +163,7 @@ def numpy_rates(parameters: ModelParameters, speed: float, modes: int = 6) -> Ra
     """Return d(state)/dt in plain NumPy."""
     system = ModalSystem.from_parameters(parameters, modes)
     shaft, films = system.shaft, system.films
+    assert films is not None
 
     def film(z: ComplexArray, v: ComplexArray, clearance: float, spin: float, factor: float) -> ComplexArray:
         place, rate = z / clearance, v / clearance

@@ -24,7 +24,6 @@ from model.films.coefficients import (
 from model.films.film import Film, bearing_films
 from model.films.finite_film import Flow, Grid, pressure_unit, slenderness, solve_reynolds
 from model.films.lubrication import table_3_1
-from model.films.short_film import CaponeForm
 from model.rotor.parameters import FilmModel
 
 FloatArray = NDArray[np.float64]
@@ -57,11 +56,10 @@ def test_closed_forms_have_the_tabulated_values(
     assert b.ravel() == pytest.approx((damping[0], damping[1], damping[1], damping[2]), abs=6e-5)
 
 
-@pytest.mark.parametrize("form", list(CaponeForm))
 @pytest.mark.parametrize("eccentricity", ECCENTRICITIES)
-def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentricity: float, form: CaponeForm) -> None:
+def test_differentiated_force_has_the_coefficients_of_the_closed_forms(eccentricity: float) -> None:
     expected = closed(eccentricity)
-    found = differentiated_coefficients(FILM, expected.position, SPEED, form)
+    found = differentiated_coefficients(FILM, expected.position, SPEED)
     assert found.force == pytest.approx(expected.force, rel=1e-10)
     assert found.stiffness == pytest.approx(expected.stiffness, rel=1e-6)
     assert found.damping == pytest.approx(expected.damping, rel=1e-6)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from model.films.film import Film, bearing_films
-from model.films.film_kernels import FORCE_LAWS, KERNELS, film_force, film_force_derivatives
+from model.films.film_kernels import FORCE_LAWS, FORCES, film_force, film_slopes
 from model.rotor.gj90c import gj90c
 from model.rotor.parameters import FilmModel
 
@@ -113,10 +113,10 @@ def test_linear_coefficients_are_the_short_bearings_closed_forms(
     attitude = math.atan2(math.pi * math.sqrt(1 - e * e), 4 * e)
     position = e * complex(math.sin(attitude), -math.cos(attitude))
     load = abs(UNIT.force(position, 0j, 1.0))
-    of_x, of_y = film_force_derivatives(0j, FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor)
+    of_x, of_y = film_slopes(FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor, 0j)
     found = -np.array([of_x.real, of_y.real, of_x.imag, of_y.imag]) / load
     assert found == pytest.approx(np.array(stiffness), rel=2e-4, abs=2e-4)
-    with_x, with_y = film_force_derivatives(1.0 + 0j, FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor)
+    with_x, with_y = film_slopes(FORCE_LAWS[FilmModel.CAPONE], position, 0j, 1.0, 1.0, UNIT.factor, 1.0 + 0j)
     c_xx, c_xy, c_yy = -(with_x - of_x).real / load, -(with_y - of_y).real / load, -(with_y - of_y).imag / load
     assert (c_xx, c_xy, c_yy) == pytest.approx(damping, rel=2e-4, abs=2e-4)
 
@@ -129,8 +129,8 @@ def test_film_without_motion_has_no_force() -> None:
 @pytest.mark.parametrize("model", list(FilmModel))
 def test_compiled_force_equals_the_interpreted_one(model: FilmModel) -> None:
     law = FORCE_LAWS[model]
-    interpreted = inspect.unwrap(KERNELS[type(law)])
-    assert interpreted is not KERNELS[type(law)]
+    interpreted = inspect.unwrap(FORCES[type(law)])
+    assert interpreted is not FORCES[type(law)]
     for position, velocity, surface_speed in random_states(50):
         state = (position, velocity, 1.0, surface_speed, UNIT.factor)
         assert film_force(law, *state) == pytest.approx(interpreted(*state), rel=1e-12)
@@ -158,3 +158,18 @@ def test_bearing_films_of_a_ring_are_in_series() -> None:
     # centred whirl at half the sum of the surface speeds: 0.70X inner film, 0.20X outer film
     assert pair.inner_speed / 2 == pytest.approx(0.704, abs=1e-3)
     assert pair.outer_speed / 2 == pytest.approx(0.203, abs=1e-3)
+
+
+@pytest.mark.parametrize("model", list(FilmModel))
+def test_slopes_are_the_derivatives_of_the_force(model: FilmModel) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        position = 0.95 * rng.uniform() * np.exp(1j * rng.uniform(0, 2 * math.pi))
+        velocity, ratio = complex(*rng.normal(size=2)), complex(*rng.normal(size=2))
+        slopes = film_slopes(FORCE_LAWS[model], complex(position), velocity, 1.0, 1.0, 1.0, ratio)
+        for slope, move in zip(slopes, (1e-6, 1e-6j), strict=True):
+            ends = [
+                film_force(FORCE_LAWS[model], complex(position + step), velocity + ratio * step, 1.0, 1.0, 1.0)
+                for step in (-move, move)
+            ]
+            assert slope == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-6, abs=1e-7 * max(map(abs, slopes)))

@@ -12,7 +12,6 @@ from model.films.film_kernels import FORCE_LAWS, capone_force, film_force
 from model.films.short_film import (
     CaponeForm,
     capone_forces,
-    force_components,
 )
 from model.rotor.parameters import FilmModel
 from tests.model.films.half_film import LoadedHalf, half_film_force, short_film_pressure
@@ -94,15 +93,6 @@ def test_full_sommerfeld_force_at_rest_is_perpendicular_to_the_displacement() ->
     for eccentricity in (0.1, 0.5, 0.9):
         expected = 2j * math.pi * SPEED * eccentricity / (1 - eccentricity**2) ** 1.5
         assert full_sommerfeld(eccentricity + 0j, 0j) == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.parametrize("model", list(FilmModel))
-def test_components_equal_the_compiled_force(model: FilmModel) -> None:
-    z, v = random_states(200)
-    along_x, along_y = force_components(model, (z.real, z.imag, v.real, v.imag), SPEED)
-    states = zip(z, v, strict=True)
-    compiled = [film_force(FORCE_LAWS[model], complex(p), complex(q), 1.0, SPEED, 1.0) for p, q in states]
-    assert along_x + 1j * along_y == pytest.approx(np.array(compiled), rel=1e-12)
 
 
 def test_printed_form_is_refused_without_cavity() -> None:
