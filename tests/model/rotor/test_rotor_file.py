@@ -1,4 +1,5 @@
 import copy
+import math
 import tomllib
 from importlib.resources import files
 from typing import Any
@@ -6,7 +7,7 @@ from typing import Any
 import pytest
 
 from model.rotor.gj90c import gj90c
-from model.rotor.parameters import FilmModel
+from model.rotor.parameters import Bow, FilmModel
 from model.rotor.rotor import Beam, ShaftMass
 from model.rotor.rotor_file import parse_rotor
 from model.rotor.supports import Rub, StaticLoad, Support, SupportCoefficients
@@ -218,3 +219,11 @@ def test_all_faults_are_reported_together(document: dict[str, Any]) -> None:
     document["disc"][0]["mass_kg"] = -1
     document["name"] = 3
     assert len(faults_of(document)) == 3
+
+
+def test_bow_and_modal_damping_are_read(document: dict[str, Any]) -> None:
+    tables = {**document, "bow": [{"station": 2, "displacement_um": 20.0, "phase_deg": 90}], "modal_damping": 0.01}
+    parameters = parse_rotor(tables)
+    assert parameters.modal_damping == 0.01
+    assert parameters.bows == (Bow(2, 20e-6, math.radians(90)),)
+    assert abs(parameters.bow_forces()).max() > 0
