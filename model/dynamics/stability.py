@@ -30,6 +30,7 @@ from model.rotor.rotor import require_positive
 SETTLING_TURNS = 60  # from rest, before Newton's method
 MAX_ITERATIONS = 40
 TOLERANCE = 1e-5  # of the inner clearance: error of the fixed point
+MAX_ORDER = 0.25  # of the steps per turn: higher orders are bending modes that the steps do not resolve
 MIN_MULTIPLIER = 1e-6  # smaller Floquet multipliers are numerical noise
 
 
@@ -272,6 +273,8 @@ class _PoincareMap:
             pairs = path.reshape(-1, self.size) @ np.stack((vector.real, vector.imag), axis=1)
             disturbance = pairs.view(np.complex128).reshape(path.shape[:-1]).swapaxes(1, 2)
             order, share = order_and_share(disturbance, exponent)
+            if abs(order) > MAX_ORDER * self._steps:
+                continue
             whirl = Whirl(growth_rate=exponent.real * self._speed, order=order, inner_share=share)
             found.setdefault(whirl.film, (whirl, self._scaled(vector.real)))
         return tuple(whirl for whirl, _ in found.values()), np.stack([begin for _, begin in found.values()])

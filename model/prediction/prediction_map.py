@@ -26,7 +26,7 @@ from model.errors import NoSolutionError, ParameterError
 from model.rotor.parameters import ModelParameters
 from model.rotor.rotor import require_rising
 
-MODEL_VERSION = 4  # increase with every change of the model's results
+MODEL_VERSION = 5  # increase with every change of the model's results
 NUMERICAL_FLOOR = 5e-9  # m peak: noise of rounding and incomplete settling between the lines
 SETTLING_TURNS = 200  # to settle at the lowest speed
 CHECK_TURNS = 32  # turns between two checks whether the motion has settled

@@ -159,7 +159,7 @@ def test_change_of_speed_preserves_the_position(default: ModelParameters) -> Non
 
 
 def test_wall_contact_error_names_film_and_speed() -> None:
-    dry = gj90c(viscosity=1e-7)
+    dry = gj90c(viscosity=1e-10)
     with pytest.raises(WallContactError, match=r"eccentricity: the ring reached .* µm of the outer .* at 10\.0 rad/s"):
         ShaftMotion(dry, 10.0)
 

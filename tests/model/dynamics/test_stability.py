@@ -165,3 +165,11 @@ def test_whirl_is_nan_after_wall_contact() -> None:
     order, size = replace(found, films=films, spectrum=spectrum).whirl(INNER)
     assert np.isnan([order[0], size[0]]).all()
     assert order[1] == pytest.approx(0.703, abs=0.008)
+
+
+def test_whirl_is_no_bending_mode_that_the_steps_alias() -> None:
+    """At 500 rad/s a bending mode that 64 steps a turn do not resolve decays more slowly than the outer whirl."""
+    inner, outer = synchronous_orbit(gj90c(), 500.0).whirls
+    assert [one.film for one in (inner, outer)] == [FilmName.INNER, FilmName.OUTER]
+    assert [one.order for one in (inner, outer)] == pytest.approx([0.70, 0.228], abs=0.01)
+    assert outer.growth_rate < -40
