@@ -119,7 +119,7 @@ def test_closing_ends_the_computation(tmp_path: Path) -> None:
 
 
 def test_model_without_solution_is_off_with_the_reason(tmp_path: Path) -> None:
-    with closing(predictor(tmp_path, viscosity=1e-7, speeds=[10.0, 11.0])) as failing:
+    with closing(predictor(tmp_path, viscosity=1e-10, speeds=[10.0, 11.0])) as failing:
         assert failing.wait(TIMEOUT) is None
         assert failing.state.startswith("off: eccentricity: the ring reached")
 
