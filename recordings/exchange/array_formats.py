@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.table import Column, Table
+from recordings.exchange.table import Column, Table, library_errors
 from recordings.file_operations import Progress
 
 UNITS, PROPERTIES = "units", "properties"
@@ -18,17 +18,20 @@ def read_mat(path: Path) -> Table:
     """Return the table of a MATLAB file up to version 7.2.
 
     Each numeric vector is a column, each column of a matrix one, as "name:1"; structures hold units and properties.
+    scipy's reader may end the process at a damaged file without compression (invalid memory access): the service
+    therefore reads files of other programs in worker processes only.
     """
     from scipy.io import loadmat  # noqa: PLC0415 - slow to import
 
     with path.open("rb") as file:
         if file.read(128).startswith(b"MATLAB 7.3"):
             raise ForeignFormatError("is of version 7.3, expected up to 7.2; save it with -v7")
-    variables = loadmat(path)
+    with library_errors(path):
+        variables = loadmat(path)
     units = _texts(variables.get(UNITS))
     found: dict[str, NDArray[np.float64]] = {}
     for name, value in variables.items():
-        if name.startswith("__") or not np.issubdtype(value.dtype, np.number) or value.size < 2 or value.ndim != 2:
+        if name.startswith("__") or not _is_numeric(value) or value.size < 2 or value.ndim != 2:
             continue
         if 1 in value.shape:
             found[name] = value.ravel().astype(np.float64)
@@ -36,7 +39,8 @@ def read_mat(path: Path) -> Table:
             found |= {f"{name}:{k}": column.astype(np.float64) for k, column in enumerate(value.T, 1)}
     longest = max((len(values) for values in found.values()), default=0)
     columns = [Column(name, units.get(name, ""), values) for name, values in found.items() if len(values) == longest]
-    rates = (float(variables[name].item()) for name in RATES if name in variables and variables[name].size == 1)
+    scalars = (variables[name] for name in RATES if _is_numeric(variables.get(name)) and variables[name].size == 1)
+    rates = (float(np.real(scalar.item())) for scalar in scalars)
     return Table.from_properties(columns, _texts(variables.get(PROPERTIES)), next(rates, None))
 
 
@@ -53,11 +57,15 @@ def write_mat(path: Path, table: Table, on_progress: Progress) -> None:
     on_progress(1.0)
 
 
+def _is_numeric(value: object) -> bool:
+    return isinstance(value, np.ndarray) and np.issubdtype(value.dtype, np.number)
+
+
 def _texts(record: object) -> dict[str, str]:
     """Return a MATLAB structure of strings as a dict."""
-    if not isinstance(record, np.ndarray) or record.dtype.names is None:
+    if not isinstance(record, np.ndarray) or record.dtype.names is None or record.size != 1:
         return {}
-    return {name: "".join(record[name].item().ravel().tolist()) for name in record.dtype.names}
+    return {name: "".join(map(str, np.ravel(record[name].item()))) for name in record.dtype.names}
 
 
 def write_hdf5(path: Path, table: Table, on_progress: Progress) -> None:

@@ -3,7 +3,6 @@
 The library of a format is imported only when the format is used; those that only some need are the extra ``formats``.
 """
 
-import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -14,8 +13,6 @@ from recordings.exchange.measurement_formats import read_tdms, read_uff, read_wa
 from recordings.exchange.table import Table
 from recordings.exchange.text_formats import read_csv, read_lvm, write_csv
 from recordings.file_operations import Progress, atomic_write, ignore_progress
-
-logger = logging.getLogger(__name__)
 
 Function = TypeVar("Function")
 
@@ -46,7 +43,8 @@ def read_table(path: Path) -> Table:
     Raises
     ------
     ForeignFormatError
-        If the format is unknown, its library is missing, or the file is invalid.
+        If the format is unknown, its library is missing, or the file is invalid. Any other exception is a defect of
+        the reader: `library_errors` encloses the calls of the libraries only.
     """
     read = _function(path, IMPORT_FORMATS)
     try:
@@ -57,10 +55,6 @@ def read_table(path: Path) -> Table:
         raise _missing_library(path, error) from error
     except OSError as error:
         raise ForeignFormatError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except Exception as error:  # the libraries raise all kinds of errors for a damaged file
-        logger.info("%s cannot be read", path, exc_info=True)  # the traceback may show a defect of the reader
-        kind = path.suffix.lower().removeprefix(".")
-        raise ForeignFormatError(f"{path}: is not a {kind} file that can be read: {error}") from error
     if table.n_rows == 0:
         raise ForeignFormatError(f"{path}: has no columns of numbers")
     return table

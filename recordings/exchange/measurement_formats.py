@@ -1,13 +1,14 @@
 """Formats of measurement programs: LabVIEW's TDMS, the universal file format (UFF), WAV (read only)."""
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.table import Column, Table
+from recordings.exchange.table import Column, Table, library_errors
 from recordings.file_operations import Progress
 
 TDMS_GROUP = "run"
@@ -18,28 +19,32 @@ def read_tdms(path: Path) -> Table:
     """Return the table of a TDMS file, with columns named "group/channel"; channels without numbers are left out."""
     from nptdms import TdmsFile  # noqa: PLC0415 - an extra
 
-    file = TdmsFile.read(path)
+    with library_errors(path):
+        file = TdmsFile.read(path)
+        channels = [(channel, channel[:]) for group in file.groups() for channel in group.channels()]
     for name, status in (file.file_status.channel_statuses or {}).items():
         if status.read_length < status.expected_length:
             counts = f"{status.read_length:,} of {status.expected_length:,} values"
             raise ForeignFormatError(f"is truncated: {counts} in the last segment of {name}")
     columns, steps, starts = [], set(), set()
-    for channel in (channel for group in file.groups() for channel in group.channels()):
-        values = channel[:]
+    for channel, values in channels:
         if not len(values) or not np.issubdtype(values.dtype, np.number):
             continue
-        values = values if values.dtype == np.int16 else values.astype(np.float64)  # int16: codes
         name = f"{channel.group_name}/{channel.name}"
-        columns.append(Column(name, str(channel.properties.get("unit_string", "")), values))
-        if "wf_increment" in channel.properties:
-            steps.add(float(channel.properties["wf_increment"]))
-        if "wf_start_time" in channel.properties:
-            starts.add(int(np.datetime64(channel.properties["wf_start_time"], "ns").astype(np.int64)))
+        kind = np.int16 if values.dtype == np.int16 else np.float64  # int16: codes
+        columns.append(Column(name, str(channel.properties.get("unit_string", "")), values.astype(kind, copy=False)))
+        step, start = channel.properties.get("wf_increment"), channel.properties.get("wf_start_time")
+        if step is not None:
+            if not isinstance(step, int | float | np.number) or not step > 0:
+                raise ForeignFormatError(f"{name}: wf_increment {step!r}, expected a positive number")
+            steps.add(float(step))
+        if isinstance(start, np.datetime64):
+            starts.add(int(start.astype("datetime64[ns]").astype(np.int64)))
     if len(steps) > 1:
         raise ForeignFormatError(f"channels of different rates: wf_increment {sorted(steps)} s")
     properties = {name: str(value) for name, value in file.properties.items()}
-    rate = float(properties["rate_hz"]) if "rate_hz" in properties else (1 / steps.pop() if steps else None)
-    return Table(tuple(columns), rate, min(starts, default=None), properties)
+    table = Table.from_properties(columns, properties, 1 / steps.pop() if steps else None)
+    return table if table.started_ns is not None else replace(table, started_ns=min(starts, default=None))
 
 
 def write_tdms(path: Path, table: Table, on_progress: Progress) -> None:
@@ -67,17 +72,20 @@ def read_uff(path: Path) -> Table:
     import pyuff  # noqa: PLC0415 - an extra
 
     path.open("rb").close()  # raises OSError, as `pyuff` does not
-    file = pyuff.UFF(str(path))
+    with library_errors(path):
+        file = pyuff.UFF(str(path))
+        set_types = [int(set_type) for set_type in file.get_set_types()]
     columns, rates, properties = [], set(), dict[str, str]()
-    for number, set_type in enumerate(file.get_set_types()):
-        if int(set_type) != 58:
-            continue
-        data = file.read_sets(number)
+    for number in (number for number, set_type in enumerate(set_types) if set_type == 58):
+        with library_errors(path):
+            data = file.read_sets(number)
+            values, times = np.real(data["data"]).astype(np.float64), data["x"]
+        if len(times) < 2 or not times[1] > times[0]:
+            raise ForeignFormatError(f"data set {number + 1}: times {times[:2]}, expected at least two, rising")
         name = str(data.get("id1", "")).strip() or str(number + 1)
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
-        columns.append(Column(name, "" if unit == UFF_EMPTY else unit, np.real(data["data"]).astype(np.float64)))
-        first, second = data["x"][:2]
-        rates.add(round(1 / float(second - first), 6))
+        columns.append(Column(name, "" if unit == UFF_EMPTY else unit, values))
+        rates.add(round(1 / float(times[1] - times[0]), 6))
         lines = (str(data.get(line, "")).partition(": ") for line in ("id4", "id5"))
         properties |= {key.strip(): value.strip() for key, separator, value in lines if separator}
     if not columns:
@@ -132,7 +140,7 @@ def read_wav(path: Path) -> Table:
     """Return the table of a WAV file: columns "1", "2" …; 16-bit values are codes, others are scaled to -1 to 1."""
     from scipy.io import wavfile  # noqa: PLC0415 - slow to import
 
-    with warnings.catch_warnings():
+    with library_errors(path), warnings.catch_warnings():
         warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
         try:
             rate, values = wavfile.read(path)

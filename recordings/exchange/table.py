@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -12,6 +14,22 @@ from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd, SourceIt
 from analysis.signals.header import Calibration, Channel
 from analysis.signals.units import MICROMETRE, MILLIMETRE, MILLIVOLT
 from recordings.errors import ForeignFormatError
+
+
+@contextmanager
+def library_errors(path: Path) -> Iterator[None]:
+    """Raise ForeignFormatError where a library fails at a damaged file; encloses calls of the library only.
+
+    nptdms, scipy and pyuff check little of what they read: a damaged file makes them raise KeyError, struct.error,
+    UnboundLocalError, ZeroDivisionError, TypeError, NotImplementedError, MemoryError or, in pyuff, plain Exception.
+    """
+    try:
+        yield
+    except (ForeignFormatError, OSError, ImportError):
+        raise
+    except Exception as error:
+        kind = path.suffix.lower().removeprefix(".")
+        raise ForeignFormatError(f"is not a {kind} file that can be read: {error}") from error
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +81,9 @@ class Table:
     @classmethod
     def from_properties(cls, columns: Sequence[Column], properties: Mapping[str, str], rate: float | None) -> Self:
         """Return the table of a file; its properties ``rate_hz``, before `rate`, and ``started_ns`` are used."""
+        for name, kind in (("rate_hz", float), ("started_ns", int)):
+            if name in properties and not _is_number(properties[name], kind):
+                raise ForeignFormatError(f"property {name}: {properties[name]!r}, expected a number")
         rate = float(properties["rate_hz"]) if "rate_hz" in properties else rate
         started_ns = int(properties["started_ns"]) if "started_ns" in properties else None
         return cls(tuple(columns), rate, started_ns, properties)
@@ -83,6 +104,14 @@ class Table:
             if column.name == name:
                 return column
         raise ForeignFormatError(f"no column {name!r}; there are {', '.join(repr(c.name) for c in self.columns)}")
+
+
+def _is_number(text: str, kind: type[float] | type[int]) -> bool:
+    try:
+        kind(text)
+    except ValueError:
+        return False
+    return True
 
 
 STEPS = 65_532

@@ -22,6 +22,7 @@ ROWS_PER_READ = 20_000  # held as Python floats, which take four times the memor
 NAME_WITH_UNIT = re.compile(r"(?P<name>.+?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
 LVM_FIRST_LINE = "LabVIEW Measurement"
 LVM_HEADER_END = "***End_of_Header***"
+MAX_LVM_CHANNELS = 10_000
 LVM_SEPARATORS = {"Tab": "\t", "Comma": ",", "Semicolon": ";"}
 
 
@@ -36,7 +37,10 @@ def read_csv(path: Path) -> Table:
         names = [name.strip() for name in next(csv.reader([heading], delimiter=separator))]
         rows = csv.reader(file, delimiter=separator)
         numbered = ((n_before + rows.line_num, row) for row in rows if row)
-        batches = list(_csv_batches(numbered, len(names), has_decimal_comma=separator != ","))
+        try:
+            batches = list(_csv_batches(numbered, len(names), has_decimal_comma=separator != ","))
+        except csv.Error as error:  # a field above the csv module's limit
+            raise ForeignFormatError(f"line {n_before + rows.line_num}: {error}") from error
         _require_line_end(path, n_before + rows.line_num)
     if not batches:
         raise ForeignFormatError("has no rows of numbers")
@@ -148,7 +152,7 @@ def read_lvm(path: Path) -> Table:
     if not lines or not lines[0].startswith(LVM_FIRST_LINE):
         raise ForeignFormatError(f"does not begin with {LVM_FIRST_LINE!r}")
     line = next((line for line in lines if line.startswith("Separator")), "Separator\tTab")
-    header_separator, name = line[len("Separator")], line[len("Separator") + 1 :].strip()
+    header_separator, name = line[len("Separator") :][:1] or "\t", line[len("Separator") + 1 :].strip()
     header_stop = _lvm_header_stop(lines)
     if header_stop is None:
         raise ForeignFormatError(f"a header does not end with {LVM_HEADER_END}")
@@ -161,7 +165,7 @@ def read_lvm(path: Path) -> Table:
     steps: list[float] = []
     rows: list[list[float]] = []
     for entries, titles, section in _lvm_sections(lines[header_stop + 1 :], separator):
-        n_channels = int(_first(entries.get("Channels"), "0")) or len(titles) - 1
+        n_channels = _lvm_channels(entries) or len(titles) - 1
         indices = range(1, 1 + columns_per_channel * n_channels, columns_per_channel)
         found = [titles[index] if index < len(titles) else f"{index}" for index in indices]
         if names and found != names:
@@ -190,6 +194,14 @@ def read_lvm(path: Path) -> Table:
         started_ns=_lvm_started_ns(header),
         properties={name: " ".join(words).strip() for name, words in header.items()},
     )
+
+
+def _lvm_channels(entries: dict[str, list[str]]) -> int:
+    """Return the number of channels that a section's header states; 0 if it states none."""
+    stated = _first(entries.get("Channels"), "0")
+    if not (stated.isdecimal() and len(stated) < 10 and int(stated) <= MAX_LVM_CHANNELS):
+        raise ForeignFormatError(f"Channels {stated[:40]!r}, expected 0 to {MAX_LVM_CHANNELS}")
+    return int(stated)
 
 
 def _lvm_header_stop(lines: Sequence[str]) -> int | None:
@@ -224,9 +236,10 @@ def _lvm_started_ns(header: dict[str, list[str]]) -> int | None:
     whole, _, fraction = _first(header.get("Time"), "").replace(",", ".").partition(".")
     try:
         started = datetime.strptime(f"{_first(header.get('Date'), '')} {whole}", "%Y/%m/%d %H:%M:%S").astimezone(UTC)
-    except ValueError:
+        nanoseconds = int((fraction[:9] or "0").ljust(9, "0"))
+    except (ValueError, OverflowError):  # no such date, or one before the first that a time zone can have
         return None
-    return round(started.timestamp()) * 1_000_000_000 + int((fraction[:9] or "0").ljust(9, "0"))
+    return round(started.timestamp()) * 1_000_000_000 + nanoseconds
 
 
 def _first(values: list[str] | None, default: str) -> str:

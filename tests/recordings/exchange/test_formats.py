@@ -1,6 +1,8 @@
 """File formats: a round trip keeps values, units, rate and start; invalid files raise ForeignFormatError."""
 
 import csv
+import random
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -10,7 +12,7 @@ import pytest
 from scipy.io import savemat, wavfile
 
 from recordings.errors import ForeignFormatError
-from recordings.exchange.formats import read_table, write_table
+from recordings.exchange.formats import IMPORT_FORMATS, read_table, write_table
 from recordings.exchange.table import Column, Table
 
 RATE = 20_000.0 / 3
@@ -275,3 +277,62 @@ def test_cut_wav_and_tdms_files_are_an_error(tmp_path: Path, table: Table) -> No
     wavfile.write(tmp_path / "run.wav", 1000, np.zeros((100, 2), np.int16))
     with pytest.raises(ForeignFormatError, match="is truncated"):
         read_table(cut(tmp_path / "run.wav", (tmp_path / "run.wav").stat().st_size - 4))
+
+
+def damaged(content: bytes, number: int) -> bytes:
+    """Return a content truncated, or with bytes changed."""
+    choices = random.Random(number)  # noqa: S311 - damage of a file
+    if number % 2:
+        return content[: choices.randrange(len(content))]
+    changed = bytearray(content)
+    for _ in range(choices.choice((1, 3, 20))):
+        changed[choices.randrange(len(changed) if number % 4 else min(600, len(changed)))] = choices.randrange(256)
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".lvm", ".tdms", ".mat", ".uff", ".wav"])
+def test_damaged_files_are_read_or_reported_whatever_the_library_raises(
+    tmp_path: Path, table: Table, suffix: str
+) -> None:
+    short = Table(tuple(Column(c.name, c.unit, c.values[:20]) for c in table.columns), RATE, STARTED_NS)
+    path = tmp_path / f"run{suffix}"
+    if suffix == ".wav":
+        wavfile.write(path, 1000, np.zeros((20, 2), np.int16))
+    elif suffix == ".lvm":
+        path.write_text(LVM.format(decimal=".", columns="No", titles="X_Value\tV_0\tV_1") + "\t1.5\t-2.25\n" * 3)
+    else:
+        write_table(path, short)  # MATLAB: compressed, as scipy may end the process at changed bytes of another one
+    content = path.read_bytes()
+    reported = 0
+    for number in range(150):
+        path.write_bytes(damaged(content, number))
+        with suppress(ForeignFormatError):
+            read_table(path)
+            reported -= 1
+        reported += 1
+    assert reported > 0
+
+
+def test_defect_of_a_reader_is_not_reported_as_a_fault_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def defective(path: Path) -> Table:
+        raise KeyError(path.name)
+
+    monkeypatch.setitem(IMPORT_FORMATS, ".wav", defective)
+    with pytest.raises(KeyError, match="run"):
+        read_table(tmp_path / "run.wav")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("run.csv", "# rate_hz: fast\na,b\n1,2\n", "property rate_hz: 'fast', expected a number"),
+        ("run.csv", "a,b\n1," + "2" * 200_000 + "\n", "line 2: field larger than field limit"),
+        ("run.lvm", LVM.replace("Channels\t2", "Channels\t9999999999"), "Channels '9999999999', expected 0 to 10000"),
+    ],
+)
+def test_unusable_property_of_a_text_file_is_reported(tmp_path: Path, name: str, content: str, message: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(ForeignFormatError, match=message):
+        read_table(tmp_path / name)
