@@ -7,6 +7,7 @@ downward load (-Y) and counter-clockwise rotation.
 
 import math
 from dataclasses import dataclass, replace
+from typing import assert_never
 
 import numpy as np
 from scipy.optimize import brentq
@@ -71,11 +72,20 @@ def short_film_ratios(eccentricity: float, model: FilmModel = FilmModel.CAPONE) 
         If the eccentricity lies outside its range.
     """
     _require_inside(eccentricity)
-    e, pi = eccentricity, math.pi
-    s = math.sqrt(1 - e**2)
-    if model is FilmModel.FULL_SOMMERFELD:
-        steep = (1 + 2 * e**2) / (e * s**2)
-        return np.array([[0.0, 1 / e], [-steep, 0.0]]), np.array([[2 * steep, 0.0], [0.0, 2 / e]])
+    match model:
+        case FilmModel.CAPONE:
+            return _capone_ratios(eccentricity)
+        case FilmModel.FULL_SOMMERFELD:
+            e = eccentricity
+            steep = (1 + 2 * e**2) / (e * (1 - e**2))
+            return np.array([[0.0, 1 / e], [-steep, 0.0]]), np.array([[2 * steep, 0.0], [0.0, 2 / e]])
+        case _:
+            assert_never(model)
+
+
+def _capone_ratios(e: float) -> tuple[FloatArray, FloatArray]:
+    """Return stiffness and damping of the cavitated film at an eccentricity; see `short_film_ratios`."""
+    pi, s = math.pi, math.sqrt(1 - e**2)
     h0 = (pi**2 * (1 - e**2) + 16 * e**2) ** -1.5
     a_xx = 4 * h0 * (pi**2 * (2 - e**2) + 16 * e**2)
     a_xy = pi * h0 * (pi**2 * (1 - e**2) ** 2 - 16 * e**4) / (e * s)
@@ -91,17 +101,25 @@ def short_film_load(eccentricity: float, model: FilmModel = FilmModel.CAPONE) ->
     """Return the static load of the infinitely short film over `Film.factor` times w."""
     _require_inside(eccentricity)
     e = eccentricity
-    if model is FilmModel.FULL_SOMMERFELD:
-        return 2 * math.pi * e / math.sqrt(1 - e**2) ** 3
-    return 4 * e / (1 - e**2) ** 2 * math.sqrt(e**2 + (math.pi / 4) ** 2 * (1 - e**2))
+    match model:
+        case FilmModel.CAPONE:
+            return 4 * e / (1 - e**2) ** 2 * math.sqrt(e**2 + (math.pi / 4) ** 2 * (1 - e**2))
+        case FilmModel.FULL_SOMMERFELD:
+            return 2 * math.pi * e / math.sqrt(1 - e**2) ** 3
+        case _:
+            assert_never(model)
 
 
 def short_film_attitude(eccentricity: float, model: FilmModel = FilmModel.CAPONE) -> float:
     """Return the attitude angle, from the load to the displacement in the direction of rotation, rad."""
     _require_inside(eccentricity)
-    if model is FilmModel.FULL_SOMMERFELD:
-        return math.pi / 2
-    return math.atan2(math.pi * math.sqrt(1 - eccentricity**2), 4 * eccentricity)
+    match model:
+        case FilmModel.CAPONE:
+            return math.atan2(math.pi * math.sqrt(1 - eccentricity**2), 4 * eccentricity)
+        case FilmModel.FULL_SOMMERFELD:
+            return math.pi / 2
+        case _:
+            assert_never(model)
 
 
 def short_film_coefficients(film: Film, load: float, surface_speed: float) -> LinearCoefficients:

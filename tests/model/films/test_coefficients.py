@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -246,3 +247,10 @@ def test_perturbation_of_a_centred_film_has_no_force_and_only_cross_stiffness() 
     found = perturbed_coefficients(FILM, 1e-6 * FILM.clearance + 0j, SPEED, Grid(96, 8))
     K = found.stiffness
     assert abs(K[0, 0]) < 0.05 * abs(K[1, 0])
+
+
+def test_closed_forms_reject_a_film_model_without_one() -> None:
+    unknown = cast("FilmModel", "unknown")
+    for closed_form in (short_film_ratios, short_film_load, short_film_attitude):
+        with pytest.raises(AssertionError, match="unknown"):
+            closed_form(0.5, unknown)

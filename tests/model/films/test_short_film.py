@@ -14,6 +14,7 @@ from model.films.short_film import (
     capone_forces,
 )
 from model.rotor.parameters import FilmModel
+from model.studies.films import CAVITY_NOTES
 from tests.model.films.half_film import LoadedHalf, half_film_force, short_film_pressure
 
 ComplexArray = NDArray[np.complex128]
@@ -194,3 +195,7 @@ def test_forces_refuse_velocity_or_speed_that_is_not_finite(form: CaponeForm) ->
         capone_forces(0.5, 0j, math.inf, form)
     with pytest.raises(ValueError, match=r"velocity, surface_speed: .*expected finite values"):
         FILM.force(0j, complex(0, math.inf), SPEED, form)
+
+
+def test_every_film_model_has_a_kernel_and_a_note() -> None:
+    assert set(FORCE_LAWS) == set(CAVITY_NOTES) == set(FilmModel)
