@@ -22,7 +22,7 @@ Run = Callable[[argparse.Namespace, TerminalOutput], int]
 """Runs a command and returns its exit code."""
 
 AddCommand = Callable[..., argparse.ArgumentParser]
-"""Returns the parser of a command; takes its name, its function and the functions that add arguments it shares."""
+"""Returns the parser of a command; takes name, function, functions that add shared arguments, and ``examples``."""
 
 
 def show_examples(command: argparse.ArgumentParser, *examples: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import TextIO
 
-from daq.cli.arguments import Run
+from daq.cli.arguments import Run, show_examples
 from daq.cli.terminal import TerminalOutput, use_ascii_fallback
 from daq.errors import RigError, UsageError
 from daq.stop_flag import EXIT_INTERRUPTED
@@ -73,8 +73,12 @@ def rig_parser(command: str | None = None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parsers = {name: commands.add_parser(name, help=text, description=text) for name, (_, text) in COMMANDS.items()}
 
-    def add(name: str, run: Run, *shared: Callable[[argparse.ArgumentParser], None]) -> argparse.ArgumentParser:
+    def add(
+        name: str, run: Run, *shared: Callable[[argparse.ArgumentParser], object], examples: Sequence[str] = ()
+    ) -> argparse.ArgumentParser:
         parsers[name].set_defaults(run=run)
+        if examples:
+            show_examples(parsers[name], *examples)
         for add_arguments in shared:
             add_arguments(parsers[name])
         return parsers[name]

@@ -5,7 +5,7 @@ import math
 from functools import partial
 from pathlib import Path
 
-from daq.cli.arguments import AddCommand, add_folder, add_run, show_examples, time_in_run
+from daq.cli.arguments import AddCommand, add_folder, add_run, time_in_run
 from daq.cli.runs import find_run
 from daq.cli.terminal import TerminalOutput
 from daq.session.import_run import import_run
@@ -17,7 +17,7 @@ from recordings.mcap.reader import RunReader
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig import` and `rig export` to the command line."""
-    command = add("import", run_import, add_folder)
+    command = add("import", run_import, add_folder, examples=["rig import bench.tdms --mapping bench-tdms.toml"])
     command.add_argument("file", type=Path, metavar="FILE", help=f"the file to read ({', '.join(IMPORT_FORMATS)})")
     command.add_argument(
         "--mapping",
@@ -26,9 +26,16 @@ def add_commands(add: AddCommand) -> None:
         metavar="MAP.TOML",
         help="maps columns to the rig's channels, with units; described in docs/exchange.md",
     )
-    show_examples(command, "rig import bench.tdms --mapping bench-tdms.toml")
 
-    command = add("export", run_export, add_run)
+    command = add(
+        "export",
+        run_export,
+        add_run,
+        examples=[
+            "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",
+            "rig export 2026-11-24T09-12-07-gj90c --results --to vectors.parquet",
+        ],
+    )
     command.add_argument(
         "--to",
         type=Path,
@@ -56,11 +63,6 @@ def add_commands(add: AddCommand) -> None:
     instead = command.add_mutually_exclusive_group()
     instead.add_argument("--results", action="store_true", help="speeds, amplitudes and lags instead of samples")
     instead.add_argument("--pulses", action="store_true", help="tacho edges timed by the counter instead of samples")
-    show_examples(
-        command,
-        "rig export 2026-11-24T09-12-07-gj90c --from 10s --to whirl.csv",
-        "rig export 2026-11-24T09-12-07-gj90c --results --to vectors.parquet",
-    )
 
 
 def run_import(args: argparse.Namespace, _console: TerminalOutput) -> int:

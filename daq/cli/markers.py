@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from http.client import HTTPException
 from typing import Any
 
-from daq.cli.arguments import AddCommand, add_client_address, add_json, show_examples
+from daq.cli.arguments import AddCommand, add_client_address, add_json
 from daq.cli.terminal import TerminalOutput, print_json
 from daq.errors import UsageError
 
@@ -19,9 +19,8 @@ _NO_SERVICE = (OSError, HTTPException, json.JSONDecodeError, UnicodeDecodeError)
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig mark` and `rig acknowledge` to the command line."""
-    command = add("mark", run_mark, add_json, add_client_address)
+    command = add("mark", run_mark, add_json, add_client_address, examples=["rig mark knocking begins"])
     command.add_argument("text", metavar="TEXT", nargs="*", help="text of the marker (default: marker)")
-    show_examples(command, "rig mark knocking begins")
     add("acknowledge", run_acknowledge, add_json, add_client_address)
 
 

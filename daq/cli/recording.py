@@ -22,7 +22,6 @@ from daq.cli.arguments import (
     add_service_address,
     duration,
     pace,
-    show_examples,
 )
 from daq.cli.run_text import print_summary, status_line
 from daq.cli.runs import find_run, print_runs
@@ -65,22 +64,33 @@ ACKNOWLEDGE = "ack"
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig record`, `rig replay` and `rig serve` to the command line."""
-    command = add("record", run_record, add_rig_file, _add_recording_options, add_json, _add_service_options)
-    show_examples(
-        command,
-        'rig record rigs/usb6251.toml --for 5min --note "new oil"',
-        'rig record rigs/usb6251.toml --start "speed > 2000" --pre 2s',
+    add(
+        "record",
+        run_record,
+        add_rig_file,
+        _add_recording_options,
+        add_json,
+        _add_service_options,
+        examples=[
+            'rig record rigs/usb6251.toml --for 5min --note "new oil"',
+            'rig record rigs/usb6251.toml --start "speed > 2000" --pre 2s',
+        ],
     )
-
-    command = add("replay", run_replay, add_run, add_json, _add_service_options)
+    command = add(
+        "replay",
+        run_replay,
+        add_run,
+        add_json,
+        _add_service_options,
+        examples=[
+            "rig replay 2026-11-24T09-12-07-gj90c --pace 10",
+            "rig replay data/2026-11-24T09-12-07-gj90c.mcap",
+        ],
+    )
     command.add_argument(
         "--pace", type=pace, default=1.0, help="1: real time (default), 10: ten times as fast, max: full speed"
     )
-    show_examples(
-        command, "rig replay 2026-11-24T09-12-07-gj90c --pace 10", "rig replay data/2026-11-24T09-12-07-gj90c.mcap"
-    )
-
-    command = add("serve", run_serve, add_folder, _add_page_options)
+    command = add("serve", run_serve, add_folder, _add_page_options, examples=["rig serve rigs/bench.toml"])
     command.add_argument(
         "config",
         type=Path,
@@ -89,7 +99,6 @@ def add_commands(add: AddCommand) -> None:
         help="rig file: serves its data folder, and starts and stops its runs over REST",
     )
     command.set_defaults(no_view=True, no_serve=False)
-    show_examples(command, "rig serve rigs/bench.toml")
 
 
 def _add_page_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:

@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING
 
 from analysis.signals.snapshot import LARGEST_OVERALL, OVERALL
 from analysis.signals.units import RPM
-from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, add_json, add_run, calibration, show_examples, speed
+from daq.cli.arguments import INCOMPLETE, AddCommand, add_folder, add_json, add_run, calibration, speed
 from daq.cli.terminal import TerminalOutput, grid, print_json, print_output
 from recordings.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, data_folder
 from recordings.catalogue.run_store import Search
 from recordings.errors import NotFoundError
 from recordings.integrity.verify import Verdict, Verification, verify
+from recordings.mcap.layout import NANOSECONDS
 
 if TYPE_CHECKING:
     from recordings.integrity.recover import MissingSamples
-
-NS_PER_SECOND = 1_000_000_000
 
 
 def add_commands(add: AddCommand) -> None:
@@ -29,7 +28,13 @@ def add_commands(add: AddCommand) -> None:
     command = add("index", run_index, add_folder, add_json)
     command.add_argument("--verify", action="store_true", help="verify the files not verified yet")
 
-    command = add("runs", run_runs, add_folder, add_json)
+    command = add(
+        "runs",
+        run_runs,
+        add_folder,
+        add_json,
+        examples=["rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"],
+    )
     command.add_argument("--since", type=_time_ns, metavar="TIME", help="started at or after, such as 2026-11-24T09:00")
     command.add_argument("--before", type=_time_ns, metavar="TIME", help="started before, such as 2026-11-25")
     command.add_argument("--rig", default="", help="recorded with the rig of this name")
@@ -55,25 +60,28 @@ def add_commands(add: AddCommand) -> None:
     command.add_argument(
         "--onset-below", type=speed, metavar="RPM", help="a sub-synchronous component started below this speed, r/min"
     )
-    show_examples(
-        command, "rig runs --since 2026-11-01 --speed 9000-12000 --tag reference", "rig runs --onset-below 9000"
-    )
 
-    command = add("annotate", run_annotate, add_run, add_json)
+    command = add(
+        "annotate",
+        run_annotate,
+        add_run,
+        add_json,
+        examples=['rig annotate 2026-11-24T09-12-07-gj90c --remark "new bearing next"'],
+    )
     command.add_argument("--remark", help="replaces the run's remark")
     command.add_argument("--tag", action="append", default=[], help="tag to add; repeatable")
     command.add_argument("--untag", action="append", default=[], help="tag to remove; repeatable")
-    show_examples(command, 'rig annotate 2026-11-24T09-12-07-gj90c --remark "new bearing next"')
 
-    command = add("summary", run_summary, add_run, add_json)
-    text = (
-        "re-evaluate the samples with this calibration, as x=probe-x-2026-11-24.toml; repeatable; the recording is not "
-        "changed"
-    )
+    command = add("summary", run_summary, add_run, add_json, examples=["rig summary 2026-11-24T09-12-07-gj90c"])
     command.add_argument(
-        "--calibration", type=calibration, action="append", default=[], metavar="PROBE=FILE", help=text
+        "--calibration",
+        type=calibration,
+        action="append",
+        default=[],
+        metavar="PROBE=FILE",
+        help="re-evaluate the samples with this calibration, as x=probe-x-2026-11-24.toml; repeatable; "
+        "the recording is not changed",
     )
-    show_examples(command, "rig summary 2026-11-24T09-12-07-gj90c")
 
     add("verify", run_verify, add_run, add_json)
     command = add("recover", run_recover, add_run, add_json)
@@ -198,7 +206,7 @@ def run_annotate(args: argparse.Namespace, _console: TerminalOutput) -> int:
 def _time_ns(text: str) -> int:
     """Return an ISO 8601 time as ns since 1970; without a zone it is local time."""
     try:
-        return round(datetime.fromisoformat(text).astimezone(UTC).timestamp()) * NS_PER_SECOND
+        return round(datetime.fromisoformat(text).astimezone(UTC).timestamp()) * NANOSECONDS
     except (ValueError, OverflowError, OSError):
         raise argparse.ArgumentTypeError(f"{text!r}: expected a time such as 2026-11-24T09:00") from None
 

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 from contextlib import closing
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from daq.cli.arguments import (
     non_negative,
     positive,
     positive_integer,
-    show_examples,
     speed,
 )
 from daq.cli.model.arguments import (
@@ -56,7 +56,11 @@ from model.studies.run_up import RunUp, bifurcation_study, run_up, waterfall_stu
 from model.studies.study import Study
 
 Compute = Callable[[ModelParameters, argparse.Namespace], Study]
-AddStudy = Callable[[str, Compute, str], argparse.ArgumentParser]
+AddStudy = Callable[..., None]
+"""Adds a study; takes its name, its function, its description and its options."""
+
+Option = tuple[str, dict[str, Any]]
+"""An option's name, and the settings that `add_argument` takes."""
 
 _SPEED_STEP = 1000 * RPM  # rad/s between the rows of the prediction
 _EPILOG = """\
@@ -69,22 +73,24 @@ the thesis. Every study prints a table; --json prints it as JSON, -o FILE.svg,
 
 def add_commands(add: AddCommand) -> None:
     """Add `rig model` with its studies, and `rig predict`, to the command line."""
-    command = add("predict", run_predict, add_rig_file, add_json)
+    command = add(
+        "predict", run_predict, add_rig_file, add_json, examples=["rig predict rigs/bench.toml --speed 11000"]
+    )
     command.add_argument("--speed", dest="speed_rpm", type=speed, metavar="RPM", help="only the settled motion there")
     command.add_argument("--quiet", action="store_true", help="only compute and cache it, for later runs")
-    show_examples(command, "rig predict rigs/bench.toml --speed 11000")
 
     parser = add("model", _run_study)
     parser.epilog, parser.formatter_class = _EPILOG, argparse.RawDescriptionHelpFormatter
     studies = parser.add_subparsers(dest="study", required=True, metavar="STUDY")
 
-    def study(name: str, compute: Compute, text: str) -> argparse.ArgumentParser:
+    def study(name: str, compute: Compute, text: str, *options: Option) -> None:
         command = studies.add_parser(name, help=text, description=text, allow_abbrev=False)
         add_model_file(command)
         add_json(command)
         command.add_argument("-o", "--output", type=plot_file, metavar="FILE.svg|.png|.pdf", help="draw the plots")
+        for option, settings in options:
+            command.add_argument(option, **settings)
         command.set_defaults(compute=compute)
-        return command
 
     _add_linear(study)
     _add_nonlinear(study)
@@ -103,125 +109,132 @@ def _run_study(args: argparse.Namespace, _console: TerminalOutput) -> int:
 
 
 def _add_linear(study: AddStudy) -> None:
-    command = study(
+    study(
         "modes",
         lambda p, args: modes_study(p, args.stiffness_n_m, args.speed_rad_s, args.count),
         "Natural frequencies and mode shapes, free or on springs.",
+        _stiffness("free, or on the rotor's own supports"),
+        _speed(0.0, non_negative),
+        _whole_number("--count", 10, "number of modes"),
     )
-    _add_stiffness(command, "free, or on the rotor's own supports")
-    _add_speed(command, 0.0, non_negative)
-    _add_whole_number(command, "--count", 10, "number of modes")
-
-    command = study("campbell", _campbell, "Campbell diagram: natural frequencies over speed, and critical speeds.")
-    _add_stiffness(command, f"none if the supports hold the rotor, otherwise {DEFAULT_STIFFNESS:g}")
-    _add_speeds(command, "0:8000:81", number_range)
-    _add_whole_number(command, "--count", 10, "number of branches, forward and reverse")
-
-    command = study(
+    study(
+        "campbell",
+        _campbell,
+        "Campbell diagram: natural frequencies over speed, and critical speeds.",
+        _stiffness(f"none if the supports hold the rotor, otherwise {DEFAULT_STIFFNESS:g}"),
+        _speeds("0:8000:81", number_range),
+        _whole_number("--count", 10, "number of branches, forward and reverse"),
+    )
+    study(
         "critical",
         lambda p, args: critical_study(p, args.stiffness_n_m, args.max_speed_rad_s),
         "Critical speed map: undamped critical speeds over the stiffness of the bearings.",
+        _option(
+            "--stiffness-n-m",
+            type=rising_range,
+            default="1e3:1e10:71:log",
+            metavar="RANGE",
+            help="of each bearing (default: %(default)s)",
+        ),
+        _option(
+            "--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help="largest speed (default: 200000)"
+        ),
     )
-    command.add_argument(
-        "--stiffness-n-m",
-        type=rising_range,
-        default="1e3:1e10:71:log",
-        metavar="RANGE",
-        help="of each bearing (default: %(default)s)",
-    )
-    command.add_argument(
-        "--max-speed-rad-s", type=positive, default=2e5, metavar="SPEED", help="largest speed (default: 200000)"
-    )
-
-    command = study(
+    study(
         "response",
         lambda p, args: response_study(p, args.speeds_rad_s, args.stiffness_n_m, args.station),
         "1X over speed: run-up and run-down on the films, or linear on springs.",
+        _stiffness("on the films"),
+        _speeds("100:4000:79"),
+        _STATION,
     )
-    _add_stiffness(command, "on the films")
-    _add_speeds(command, "100:4000:79")
-    _add_station(command)
 
 
 def _add_nonlinear(study: AddStudy) -> None:
-    command = study(
+    study(
         "onset",
         lambda p, args: onset_study(p, args.speeds_rad_s),
         "Onset of oil whirl: growth rate of each film's whirl over speed, unstable bands.",
+        _speeds("100:4000:79"),
     )
-    _add_speeds(command, "100:4000:79")
-    for name, plotted, text in (
-        ("waterfall", waterfall_study, "Waterfall: spectra over speed of a run-up in time, settled at each speed."),
-        (
-            "bifurcation",
-            bifurcation_study,
-            "Bifurcation diagram: positions once per turn over speed of a run-up in time.",
+    study(
+        "waterfall",
+        partial(_run_up_study, waterfall_study),
+        "Waterfall: spectra over speed of a run-up in time, settled at each speed.",
+        _speeds("100:2500:97"),
+        *_motion_options(100),
+    )
+    study(
+        "bifurcation",
+        partial(_run_up_study, bifurcation_study),
+        "Bifurcation diagram: positions once per turn over speed of a run-up in time.",
+        _speeds("100:2500:97"),
+        *_motion_options(100),
+    )
+    study(
+        "motion",
+        _motion,
+        "Motion at one speed: table of all stations, or orbit, spectrum, Poincaré section.",
+        _speed(1000.0),
+        *_motion_options(300),
+        _option(
+            "--show",
+            choices=[one.value for one in MotionTable],
+            default=MotionTable.STATIONS.value,
+            help="content of the table (default: stations)",
         ),
-    ):
-        command = study(name, partial(_run_up_study, plotted), text)
-        _add_speeds(command, "100:2500:97")
-        _add_motion_arguments(command, 100)
-
-    command = study(
-        "motion", _motion, "Motion at one speed: table of all stations, or orbit, spectrum, Poincaré section."
-    )
-    _add_speed(command, 1000.0)
-    _add_motion_arguments(command, 300)
-    choices, text = [one.value for one in MotionTable], "content of the table (default: stations)"
-    command.add_argument("--show", choices=choices, default=MotionTable.STATIONS.value, help=text)
-
-
-def _add_motion_arguments(command: argparse.ArgumentParser, settle: int) -> None:
-    _add_station(command)
-    _add_whole_number(command, "--settle", settle, "turns to settle at a speed")
-    _add_whole_number(command, "--turns", 64, "turns evaluated")
-    text = "perturbation of an unstable motion along each film's whirl (default: %(default)g; 0: none)"
-    default = DEFAULT_PERTURBATION / MICROMETRE
-    command.add_argument("--perturbation-um", type=non_negative, default=default, help=text)
-
-
-def _add_station(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--station", type=positive_integer, metavar="N", help="station evaluated (default: that of the probes)"
     )
 
 
 def _add_static_films(study: AddStudy) -> None:
-    command = study("lubrication", _lubrication, "Equilibrium of journal and ring over speed, cavities and oil flow.")
-    _add_speeds(command, "1000:6000:51")
-    command.add_argument("--load-n", type=positive, default=10.0, help="on the journal (default: 10)")
-    command.add_argument("--inlet-bar", type=positive, default=1.0, help="oil inlet pressure (default: 1)")
-    command.add_argument(
-        "--bearing",
-        choices=("rig", "table-3.1", "thesis-like"),
-        default="rig",
-        help="that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)",
+    study(
+        "lubrication",
+        _lubrication,
+        "Equilibrium of journal and ring over speed, cavities and oil flow.",
+        _speeds("1000:6000:51"),
+        _option("--load-n", type=positive, default=10.0, help="on the journal (default: 10)"),
+        _option("--inlet-bar", type=positive, default=1.0, help="oil inlet pressure (default: 1)"),
+        _option(
+            "--bearing",
+            choices=("rig", "table-3.1", "thesis-like"),
+            default="rig",
+            help="that of the rig; Table 3.1; Table 3.1 calibrated to chapter 3 (default: rig)",
+        ),
     )
-
-    command = study(
+    study(
         "film",
         lambda p, args: film_study(p.floating_ring, args.film, args.speed_rad_s, args.eccentricity, Grid()),
         "Static film by three models (short, finite, long), and its eight coefficients.",
+        _option("--film", choices=("inner", "outer"), default="inner", help="(default: inner)"),
+        _speed(1000.0),
+        _option(
+            "--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
+        ),
     )
-    command.add_argument("--film", choices=("inner", "outer"), default="inner", help="(default: inner)")
-    _add_speed(command, 1000.0)
-    command.add_argument(
-        "--eccentricity", type=number_range, default="0.05:0.9:18", metavar="RANGE", help="(default: %(default)s)"
-    )
 
 
-def _add_stiffness(command: argparse.ArgumentParser, default: str) -> None:
-    command.add_argument("--stiffness-n-m", type=positive, help=f"of a spring at each journal (default: {default})")
+def _option(name: str, **settings: Any) -> Option:
+    """Return an option with the settings that `add_argument` takes."""
+    return name, settings
 
 
-def _add_speed(command: argparse.ArgumentParser, default: float, kind: Callable[[str], float] = positive) -> None:
-    command.add_argument(
+_STATION = _option(
+    "--station", type=positive_integer, metavar="N", help="station evaluated (default: that of the probes)"
+)
+
+
+def _stiffness(default: str) -> Option:
+    return _option("--stiffness-n-m", type=positive, help=f"of a spring at each journal (default: {default})")
+
+
+def _speed(default: float, kind: Callable[[str], float] = positive) -> Option:
+    return _option(
         "--speed-rad-s", type=kind, default=default, metavar="SPEED", help="of the shaft (default: %(default)g)"
     )
 
 
-def _add_speeds(command: argparse.ArgumentParser, default: str, kind: Callable[[str], object] = rising_range) -> None:
-    command.add_argument(
+def _speeds(default: str, kind: Callable[[str], object] = rising_range) -> Option:
+    return _option(
         "--speeds-rad-s",
         type=kind,
         default=default,
@@ -230,8 +243,22 @@ def _add_speeds(command: argparse.ArgumentParser, default: str, kind: Callable[[
     )
 
 
-def _add_whole_number(command: argparse.ArgumentParser, option: str, default: int, text: str) -> None:
-    command.add_argument(option, type=positive_integer, default=default, help=f"{text} (default: {default})")
+def _whole_number(name: str, default: int, text: str) -> Option:
+    return _option(name, type=positive_integer, default=default, help=f"{text} (default: {default})")
+
+
+def _motion_options(settle: int) -> tuple[Option, ...]:
+    return (
+        _STATION,
+        _whole_number("--settle", settle, "turns to settle at a speed"),
+        _whole_number("--turns", 64, "turns evaluated"),
+        _option(
+            "--perturbation-um",
+            type=non_negative,
+            default=DEFAULT_PERTURBATION / MICROMETRE,
+            help="perturbation of an unstable motion along each film's whirl (default: %(default)g; 0: none)",
+        ),
+    )
 
 
 def _campbell(parameters: ModelParameters, args: argparse.Namespace) -> Study:
