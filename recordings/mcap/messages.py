@@ -1,8 +1,7 @@
 """Encoding and decoding of sample blocks, segment ends and counter pulses; the message definitions of a file."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, replace
+from enum import StrEnum
 from typing import TypeVar
 
 import numpy as np
@@ -100,11 +99,13 @@ Message = TypeVar(
 )
 
 
-@contextmanager
-def message_errors() -> Iterator[None]:
-    """Raise MessageError where a message has values that are no valid enumerator, shape or number."""
+Enumerator = TypeVar("Enumerator", bound=StrEnum)
+
+
+def enumerator(kind: type[Enumerator], text: str) -> Enumerator:
+    """Return the enumerator that a message names; MessageError if there is none of this name."""
     try:
-        yield
+        return kind(text)
     except ValueError as error:
         raise MessageError(str(error)) from error
 
@@ -139,7 +140,6 @@ def encode_block(block: SampleBlock) -> bytes:
     ).SerializeToString()
 
 
-@message_errors()
 def decode_block(data: bytes) -> SampleBlock:
     """Return the block of a serialised message; MessageError."""
     message = parse_message(rig_pb2.SampleBlock(), data)
@@ -158,12 +158,16 @@ def encode_segment_end(end: SegmentEnd) -> bytes:
     return rig_pb2.SegmentEnd(**asdict(end)).SerializeToString()
 
 
-@message_errors()
 def decode_segment_end(data: bytes) -> SegmentEnd:
     """Return the segment end of a serialised message; MessageError."""
     message = parse_message(rig_pb2.SegmentEnd(), data)
     return SegmentEnd(
-        message.segment, message.samples, EndReason(message.reason), message.lost, message.lost_is_exact, message.detail
+        message.segment,
+        message.samples,
+        enumerator(EndReason, message.reason),
+        message.lost,
+        message.lost_is_exact,
+        message.detail,
     )
 
 

@@ -1,10 +1,10 @@
 """Messages added to the samples of a run file: snapshots of the analysis, bit for bit, and markers (notes, alarms)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from analysis.signals.units import MICROMETRE, RPM, phase_lag_degrees
 from recordings.errors import MessageError
 from recordings.mcap import rig_pb2
 from recordings.mcap.layout import FEATURES, MARKER, NANOSECONDS, ORDER_FRAME, sample_time_ns
-from recordings.mcap.messages import message_errors, parse_message
+from recordings.mcap.messages import enumerator, parse_message
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,6 @@ def encode_snapshot(snapshot: Snapshot, header: RunHeader) -> list[EncodedResult
     ]
 
 
-@message_errors()
 def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None) -> Snapshot:
     """Return the snapshot of a pair of messages; its trace is empty.
 
@@ -92,7 +91,7 @@ def decode_snapshot(features: rig_pb2.Features, frame: rig_pb2.OrderFrame | None
         time=features.time_s,
         speed=features.speed_rad_per_s,
         tacho=TachoReport(
-            state=TachoState(features.tacho_state),
+            state=enumerator(TachoState, features.tacho_state),
             pulses=features.tacho_pulses,
             filled=features.tacho_filled,
             rejected=features.tacho_rejected,
@@ -273,11 +272,9 @@ def _decoded_frame(message: rig_pb2.OrderFrame) -> OrderFrame:
         speed=message.speed_rad_per_s,
         acceleration=message.acceleration_rad_per_s2,
         orders=_floats(message.orders),
-        spectrum=np.stack(
-            [
-                _complex(message.spectrum_x_real_m, message.spectrum_x_imag_m),
-                _complex(message.spectrum_y_real_m, message.spectrum_y_imag_m),
-            ]
+        spectrum=_stacked(
+            _complex(message.spectrum_x_real_m, message.spectrum_x_imag_m),
+            _complex(message.spectrum_y_real_m, message.spectrum_y_imag_m),
         ),
         vectors=_vectors([message.x_1x, message.y_1x, message.x_2x, message.y_2x]).reshape(2, 2),
         noise=message.noise_m,
@@ -303,7 +300,7 @@ def _decoded_whirl(message: rig_pb2.Whirl) -> Whirl:
 
 
 def _decoded_runout(message: rig_pb2.RunOut) -> RunOut:
-    vectors = np.stack([_vectors(message.x), _vectors(message.y)], axis=1)
+    vectors = np.ascontiguousarray(_stacked(_vectors(message.x), _vectors(message.y)).T)
     if len(vectors) < 2:
         raise MessageError(f"run-out of {len(vectors)} orders, expected at least 2")
     return RunOut(vectors, _floats([message.sigma_1x_m, message.sigma_2x_m]))
@@ -314,13 +311,27 @@ def _vectors(messages: Sequence[rig_pb2.Vector]) -> ComplexArray:
 
 
 def _complex(real: Sequence[float], imag: Sequence[float]) -> ComplexArray:
+    _require_equal_lengths(real, imag)
     values = np.empty(len(real), dtype=np.complex128)  # set by parts: real + 1j * imag would lose the sign of a zero
     values.real, values.imag = real, imag
     return values
 
 
 def _rows(x: Sequence[float], y: Sequence[float]) -> NDArray[np.float64]:
-    return np.stack([_floats(x), _floats(y)])
+    return _stacked(_floats(x), _floats(y))
+
+
+Number = TypeVar("Number", np.float64, np.complex128)
+
+
+def _stacked(x: NDArray[Number], y: NDArray[Number]) -> NDArray[Number]:
+    _require_equal_lengths(x, y)
+    return np.stack([x, y])
+
+
+def _require_equal_lengths(first: Sized, second: Sized) -> None:
+    if len(first) != len(second):
+        raise MessageError(f"lists of {len(first)} and {len(second)} numbers, expected equal lengths")
 
 
 def _floats(values: Sequence[float]) -> NDArray[np.float64]:
@@ -382,9 +393,8 @@ def encode_marker(marker: Marker, header: RunHeader) -> EncodedResult:
     return EncodedResult(MARKER, log_time_ns, message.SerializeToString(), marker.segment)
 
 
-@message_errors()
 def decode_marker(data: bytes) -> Marker:
     """Return the marker of a serialised message; MessageError."""
     message = parse_message(rig_pb2.Mark(), data)
-    kind = MarkerKind(message.kind or MarkerKind.NOTE)
+    kind = enumerator(MarkerKind, message.kind or MarkerKind.NOTE)
     return Marker(message.segment, message.sample, message.text, message.host_time_ns, kind)

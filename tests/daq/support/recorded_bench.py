@@ -77,8 +77,8 @@ def open_recorded_bench(
     token: str | None = None,
     origins: tuple[str, ...] = (),
     run_manager: RunManager | None = None,
-    job_limit: float = 60.0,
-    request_limit: float = 60.0,
+    job_limit: float = 600.0,
+    request_limit: float = 100.0,
     model: Predictors | None = None,
 ) -> RecordedBench:
     """Start a service over a folder at a free local port, with the access rules of a service bound to ``host``."""

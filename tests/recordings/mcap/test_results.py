@@ -92,3 +92,28 @@ def test_features_with_a_missing_order_frame_are_an_error(header: RunHeader, mak
     features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000), header)[-1].data)
     with pytest.raises(MessageError, match="sample 2000: the order frame is missing"):
         decode_snapshot(features, None)
+
+
+@pytest.mark.parametrize("field", ["spectrum_x_imag_m", "orbit_y_m"])
+def test_lists_of_different_lengths_are_an_error(header: RunHeader, make_snapshot: MakeSnapshot, field: str) -> None:
+    frame, features = (result.data for result in encode_snapshot(make_snapshot(0, 2000), header))
+    cut = rig_pb2.OrderFrame.FromString(frame)
+    del getattr(cut, field)[1:]
+    with pytest.raises(MessageError, match="and 1 numbers, expected equal lengths"):
+        decode_snapshot(rig_pb2.Features.FromString(features), cut)
+
+
+def test_unknown_tacho_state_is_an_error(header: RunHeader, make_snapshot: MakeSnapshot) -> None:
+    features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000, with_frame=False), header)[0].data)
+    features.tacho_state = "tired"
+    with pytest.raises(MessageError, match="'tired' is not a valid TachoState"):
+        decode_snapshot(features, None)
+
+
+def test_defect_of_the_decoder_is_not_reported_as_a_fault_of_the_message(
+    header: RunHeader, make_snapshot: MakeSnapshot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    features = rig_pb2.Features.FromString(encode_snapshot(make_snapshot(0, 2000, with_frame=False), header)[0].data)
+    monkeypatch.setattr("recordings.mcap.results.stored_number", lambda *_: float("nothing"))
+    with pytest.raises(ValueError, match="could not convert"):
+        decode_snapshot(features, None)
