@@ -1,6 +1,8 @@
 """A finished run is read bit for bit, by RunReader and by any other MCAP reader."""
 
 import struct
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from numpy.typing import NDArray
 from analysis.signals.blocks import EndReason, SampleBlock, SegmentEnd
 from analysis.signals.header import RunHeader
 from analysis.signals.snapshot import Snapshot
+from recordings import open_run
 from recordings.errors import DamagedError, NotFoundError, StorageError, UnknownFormatError
 from recordings.mcap.layout import encode_metadata
 from recordings.mcap.reader import RunReader
@@ -278,3 +281,19 @@ def test_blocks_with_a_wrong_number_of_channels_are_left_out(run: Path, header: 
         (2, EndReason.CUT, 0),
     ]
     assert len(ends) == 3
+
+
+@pytest.mark.parametrize("kind", [Path, str])
+def test_open_run_opens_a_file_and_closes_it(run: Path, kind: Callable[[Path], Path | str]) -> None:
+    with open_run(kind(run)) as reader:
+        assert reader.samples(0, 0, 7).shape == (3, 7)
+    with pytest.raises(NotFoundError):
+        open_run(kind(run.with_name("none.mcap")))
+
+
+def test_package_is_imported_without_a_library() -> None:
+    program = (
+        "import recordings, sys; print(sorted({'numpy', 'mcap', 'google'} & set(sys.modules)), recordings.open_run)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("[] <function open_run")
