@@ -1,5 +1,6 @@
 """Middleware: access control (host names, token, other sites), security headers, HEAD, and unhandled errors."""
 
+import asyncio
 import hmac
 import logging
 from ipaddress import ip_address
@@ -9,6 +10,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from daq.service.problems import ProblemError, ProblemType, problem_response
+from daq.session.processes import SHUTTING_DOWN
 
 logger = logging.getLogger(__name__)
 
@@ -201,6 +203,10 @@ class UnhandledErrorMiddleware:
 
         try:
             await self._app(scope, receive, send_on)
+        except asyncio.CancelledError:  # at a forced shutdown; uvicorn would answer 500 in plain text
+            if not has_started and scope["type"] == "http":
+                await problem_response(ProblemType.BUSY, SHUTTING_DOWN, scope["path"])(scope, receive, send)
+            raise
         except Exception as error:  # the service must stay available to other clients
             if has_started or scope["type"] != "http":
                 raise

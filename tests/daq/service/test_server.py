@@ -120,6 +120,21 @@ def test_close_does_not_wait_longer_than_its_deadline(caplog: pytest.LogCaptureF
     assert not caplog.records
 
 
+def test_request_cut_off_by_a_forced_shutdown_gets_a_problem_response(caplog: pytest.LogCaptureFixture) -> None:
+    application = HelloApp(delay=60.0)
+    server = ServiceServer(UnhandledErrorMiddleware(application))
+    server.start()
+    with socket.create_connection(("127.0.0.1", server.port)) as asker, asker.makefile("rb") as answer:
+        asker.sendall(b"GET /slow HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert application.requested.wait(60.0)
+        server.close(deadline=0.1)
+        head, _, body = answer.read().partition(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 503 ")
+    assert b"content-type: application/problem+json" in head
+    assert ProblemSchema.model_validate_json(body).detail == "the program is shutting down"
+    assert not caplog.records
+
+
 def test_close_ends_the_lifespan_beside_a_hung_response(caplog: pytest.LogCaptureFixture) -> None:
     requested, ended = threading.Event(), threading.Event()
 
