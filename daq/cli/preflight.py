@@ -290,9 +290,10 @@ def run_calibrate_gap(args: argparse.Namespace, console: TerminalOutput) -> int:
     """Calibrate a probe and write a new record; return the exit code."""
     rig = load_rig(args.config)
     section = rig.config.channel[probe_row(rig, args.channel)]
-    previous = load_record(rig.path.parent / section.calibration)
+    current = rig.path.parent / section.calibration
+    previous = load_record(current)
     today = dt.datetime.now().astimezone().date().isoformat()
-    path = _new_path(rig, args, today)
+    path = args.output or _unused(current.with_name(f"probe-{args.channel}-{today}.toml"))
     if path.exists():
         raise UsageError(f"{path}: exists already; calibration records are never overwritten")
     points = read_points(args.points) if args.points else measure_steps(rig, args.channel, path, console)
@@ -331,14 +332,6 @@ def run_calibrate_tacho(args: argparse.Namespace, _console: TerminalOutput) -> i
         f"levels {low:g} and {high:g} V {'lie' if fits else 'do NOT both lie'} between those of the signal"
     )
     return 0
-
-
-def _new_path(rig: Rig, args: argparse.Namespace, today: str) -> Path:
-    """Return the file to write: the one given by -o, or a new one beside the current record."""
-    if args.output is not None:
-        return Path(args.output)
-    current = rig.path.parent / rig.config.channel[probe_row(rig, args.channel)].calibration
-    return _unused(current.with_name(f"probe-{args.channel}-{today}.toml"))
 
 
 def _relative_to_rig(path: Path, rig: Rig) -> str:

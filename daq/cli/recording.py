@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -135,6 +135,7 @@ def _add_recording_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--hold-off", type=duration, metavar="TIME", help="time from a stop to rearming: 10s …")
 
 
+@dataclass(slots=True)
 class LiveServices:
     """The live run, its live view (rerun) and the address of its HTTP service.
 
@@ -144,22 +145,21 @@ class LiveServices:
         The live view.
     manager : RunManager or None
         Starts runs on REST requests; None where that is not possible.
+    run : Run or None
+        The live run; None for that of the manager.
+    url : str
+        Address of the HTTP service; empty without one.
     """
 
-    def __init__(self, view: "LiveView | None", manager: RunManager | None) -> None:
-        self._view = view
-        self._manager = manager
-        self._run: Run | None = None
-        self.url = ""
+    view: "LiveView | None"
+    manager: RunManager | None
+    run: Run | None = None
+    url: str = ""
 
     @property
     def sinks(self) -> tuple[LiveUpdateSink, ...]:
         """The sinks that receive live updates."""
-        return () if self._view is None else (self._view,)
-
-    def show(self, run: Run) -> None:
-        """Make this the live run."""
-        self._run = run
+        return () if self.view is None else (self.view,)
 
     def latest(self) -> LiveUpdate | None:
         """Return the latest update of the live run; None without one."""
@@ -167,10 +167,10 @@ class LiveServices:
         if run is None:
             return None
         update = run.latest()
-        if self._view is None:
+        if self.view is None:
             return update
-        detail = update.status.detail or self._view.failure
-        return replace(update, status=replace(update.status, dropped_updates=self._view.dropped, detail=detail))
+        detail = update.status.detail or self.view.failure
+        return replace(update, status=replace(update.status, dropped_updates=self.view.dropped, detail=detail))
 
     def stop(self) -> str | None:
         """Stop the live run; return its id, None without a run in progress."""
@@ -195,15 +195,15 @@ class LiveServices:
 
     @property
     def _live_run(self) -> Run | None:
-        return self._run or (None if self._manager is None else self._manager.run)
+        return self.run or (None if self.manager is None else self.manager.run)
 
     def addresses(self) -> str:
         """Return the addresses of page, REST and live view, one a line."""
         lines = []
         if self.url:
             lines += [f"page {self.url}/", f"REST {self.url}/api/v1, reference at {self.url}/docs"]
-        if self._view is not None:
-            lines.append(f"live view, also on the page: {self._view.url}")
+        if self.view is not None:
+            lines.append(f"live view, also on the page: {self.view.url}")
         return "\n".join(lines)
 
 
@@ -350,7 +350,7 @@ def run_record(args: argparse.Namespace, console: TerminalOutput) -> int:
         with stop_on_signals() as stop, live_services(args, catalogue, summaries, console, results) as services:
             request = recording_request(catalogue, rig, args.note, args.duration)
             with closing(RecordedRun(request, predictors.for_rig(rig), services.sinks, stop.is_set)) as recorded:
-                services.show(recorded)
+                services.run = recorded
                 device, rate = recorded.header.acquisition.device, recorded.header.acquisition.rate
                 which = "simulated" if device.simulated else f"serial {device.serial}"
                 n_channels = len(recorded.header.acquisition.channels)
@@ -393,7 +393,7 @@ def run_replay(args: argparse.Namespace, console: TerminalOutput) -> int:
         with stop_on_signals() as stop, live_services(args, catalogue, summaries, console, results) as services:
             source = ReplaySource(path, args.pace)
             replayed = ReplayedRun(header, source, model, services.sinks, markers)
-            services.show(replayed)
+            services.run = replayed
             pace = "at full speed" if args.pace is None else f"at {args.pace:g} × real time"
             console.line(f"replay of {run_id} {pace}")
             console.line(services.addresses())

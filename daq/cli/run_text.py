@@ -18,6 +18,7 @@ from daq.schemas.summary import SpeedRowSchema, SummarySchema, TachoSummarySchem
 from daq.schemas.vibration import AgreementSchema
 from daq.session.live_update import LiveUpdate, Status
 from daq.session.recording.statistics import MAX_BUFFER_FILL
+from model.prediction.prediction_map import Prediction
 from recordings.mcap.results import MarkerKind
 
 _MAX_STEADY_ACCELERATION = 20 * RPM  # rad/s²; up to it the speed is shown as steady
@@ -35,14 +36,14 @@ def status_line(update: LiveUpdate) -> str:
     if snapshot is None:
         parts.append("waiting for the first samples")
     else:
-        parts.append(_live_speed(update))
+        parts.append(_live_speed(snapshot))
         x, y = snapshot.peak_to_peak / MICROMETRE
         parts.append(f"x {x:.0f} µm  y {y:.0f} µm pp{_live_alarms(status)}")
     parts += [f"{each.channel} CLIPPED {each.samples:,} in {each.blocks:,} blocks" for each in status.clipped]
     parts.append(f"lost {'' if status.lost_is_exact else '≥ '}{status.lost:,}")
     parts.append(status.detail)
     if snapshot is not None:
-        parts += [_counter(snapshot), *_live_whirl(update)]
+        parts += [_counter(snapshot), *_live_whirl(snapshot, update.prediction)]
     if status.skipped:
         parts.append(f"live analysis skipped {status.skipped:,}")
     parts.append(f"backlog {status.backlog:.1f} s")
@@ -69,21 +70,18 @@ def _live_alarms(status: Status) -> str:
     return f"  {status.latched.value.upper()} {', '.join(worst)}"
 
 
-def _live_speed(update: LiveUpdate) -> str:
-    snapshot = update.snapshot
-    if snapshot is None or math.isnan(snapshot.speed):
-        state = "" if snapshot is None else snapshot.tacho.state.value
-        return f"speed ? ({state})"
+def _live_speed(snapshot: Snapshot) -> str:
+    if math.isnan(snapshot.speed):
+        return f"speed ? ({snapshot.tacho.state.value})"
     trend = " "
     if snapshot.frame is not None and abs(snapshot.frame.acceleration) > _MAX_STEADY_ACCELERATION:
         trend = "▲" if snapshot.frame.acceleration > 0 else "▼"
     return f"{snapshot.speed / RPM:6,.0f} r/min {trend}"
 
 
-def _live_whirl(update: LiveUpdate) -> list[str]:
+def _live_whirl(snapshot: Snapshot, prediction: Prediction | None) -> list[str]:
     """Return the strongest component below 1X, measured and predicted."""
-    snapshot, prediction = update.snapshot, update.prediction
-    whirl = None if snapshot is None or snapshot.frame is None else snapshot.frame.whirl
+    whirl = None if snapshot.frame is None else snapshot.frame.whirl
     parts = [] if whirl is None else [f"{whirl.order:.2f}X {whirl.amplitude / MICROMETRE:.0f} µm"]
     if prediction is not None and not math.isnan(prediction.whirl_order):
         parts.append(f"(model {prediction.whirl_order:.2f}X {prediction.whirl_amplitude / MICROMETRE:.0f} µm)")

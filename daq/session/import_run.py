@@ -116,18 +116,16 @@ def write_imported_run(
         faults.append(f"rate_hz = {rate:g}: {foreign.name} says {table.rate:g}")
     if faults or rate is None:
         raise ConfigError(foreign.mapping_name, faults)
-    channels = []
-    for section in rig.config.channel:
-        wanted = mapping.channel[section.name]
-        column = table.column(wanted.source)
-        channels.append(
-            imported_channel(
-                column,
-                rig.channel(section, (-section.range_v, section.range_v), (0.0, 1.0)),
-                wanted.unit,
-                wanted.factor,
-            )
+    wanted = [mapping.channel[section.name] for section in rig.config.channel]
+    channels = [
+        imported_channel(
+            table.column(each.source),
+            rig.channel(section, (-section.range_v, section.range_v), (0.0, 1.0)),
+            each.unit,
+            each.factor,
         )
+        for section, each in zip(rig.config.channel, wanted, strict=True)
+    ]
     started_ns = next(
         start for start in (mapping.started_ns, table.started_ns, foreign.path.stat().st_mtime_ns) if start is not None
     )
@@ -140,7 +138,7 @@ def write_imported_run(
         "sha256": digest,
         "mapping": foreign.mapping_text,
         "properties": dict(table.properties),
-        "columns": {wanted.source: table.column(wanted.source).unit for wanted in mapping.channel.values()},
+        "columns": {each.source: table.column(each.source).unit for each in mapping.channel.values()},
     }
     note = mapping.note or table.properties.get("note", "")
     items = imported_items(channels, rate, started_ns)

@@ -231,7 +231,7 @@ class Predictor:
         exact = None if self._refiner is None else self._refiner.at(speed)
         return prediction_map.at(speed) if exact is None else exact
 
-    def wait(self, timeout: float, on_progress: Callable[[str], None] | None = None) -> PredictionMap | None:
+    def wait(self, timeout: float, on_progress: Callable[[str], None] = lambda _state: None) -> PredictionMap | None:
         """Wait for the map.
 
         Parameters
@@ -247,14 +247,13 @@ class Predictor:
             None where there is none, or the timeout has passed.
         """
         reported, since = "", time.monotonic()
-        if on_progress is not None and self.cache_error:
+        if self.cache_error:
             on_progress(self.cache_error)
         while True:
             state = self.state
             if state != reported:
                 reported, since = state, time.monotonic()
-                if on_progress is not None:
-                    on_progress(state)
+                on_progress(state)
             with self._changed:
                 if self.state != reported:
                     continue

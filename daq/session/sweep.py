@@ -1,6 +1,7 @@
 """Parameter sweeps: the grid of points, the workers that compute them, and their results on disk."""
 
 import itertools
+import math
 import os
 import shutil
 import time
@@ -55,12 +56,9 @@ class SweepStore:
 
     def load(self, keys: Iterable[str]) -> dict[str, SweepResult]:
         """Return the stored results of these points, from the file and from parts of a stopped sweep."""
-        wanted, found = set(keys), {}
-        for file in [self._file] * self._file.exists() + sorted(self._parts.glob("*.parquet")):
-            for outcome in self._read(file):
-                if outcome.key in wanted:
-                    found[outcome.key] = outcome
-        return found
+        wanted = set(keys)
+        files = [self._file] * self._file.exists() + sorted(self._parts.glob("*.parquet"))
+        return {outcome.key: outcome for file in files for outcome in self._read(file) if outcome.key in wanted}
 
     def save_part(self, outcomes: Sequence[SweepResult]) -> None:
         """Write some results as a part."""
@@ -236,9 +234,7 @@ def grid(
     for name in vary:
         if name not in names:
             raise UsageError(f"vary {name}: unknown, expected one of {', '.join(names)}")
-    count = 1
-    for values in vary.values():
-        count *= len(values)
+    count = math.prod(map(len, vary.values()))
     if count > max_points:
         raise UsageError(f"sweep: {count:,} points, expected at most {max_points:,}")
     combinations = itertools.product(*([(name, float(value)) for value in values] for name, values in vary.items()))
@@ -286,7 +282,6 @@ def run_sweep(
     finally:
         store.save_part(fresh)
     ordered = [found[key] for key in keys]
-    names = [name for name, _ in points[0].values]
-    values = {name: [dict(point.values)[name] for point in points] for name in names}
+    values = {name: [dict(point.values)[name] for point in points] for name, _ in points[0].values}
     store.finish(values, ordered)
     return ordered
