@@ -65,6 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _kill_children() -> None:
     """Kill child processes that a command left when it was interrupted during clean-up; Python would wait for them."""
+    if "multiprocessing" not in sys.modules:  # no child was started
+        return
     from multiprocessing import active_children
 
     for child in active_children():

@@ -17,7 +17,7 @@ import contextlib, json, sys
 from daq.cli.main import main
 code = 0
 with contextlib.suppress(SystemExit):
-    code = main(sys.argv[1:])
+    code = main()
 print("\\n" + json.dumps([code, sorted({name.partition(".")[0] for name in sys.modules})]))
 """
 
@@ -28,7 +28,7 @@ print("\\n" + json.dumps([code, sorted({name.partition(".")[0] for name in sys.m
         (["--help"], 0, COMPUTING | SERVING | STORING),
         (["mark", "knocking", "--port", "9"], 2, COMPUTING | SERVING | STORING - {"numpy"}),
         (["acknowledge", "--help"], 0, COMPUTING | SERVING | STORING),
-        (["runs"], 0, COMPUTING | SERVING | {"pydantic"}),
+        (["runs"], 0, COMPUTING | SERVING | {"pydantic", "multiprocessing"}),
         (["runs", "--json"], 0, COMPUTING | SERVING),
         (["annotate", "--help"], 0, COMPUTING | SERVING | {"pydantic", "rich"}),
     ],
