@@ -81,7 +81,7 @@ class LimitMonitor:
                 f"limit, hysteresis, hold: {limit}, {hysteresis} and {hold} s, expected above 0, 0 to below 1 and "
                 "0 or more"
             )
-        self._limit, self._fall, self._hold = limit, limit * (1.0 - hysteresis), hold
+        self._limit, self._reset_level, self._hold = limit, limit * (1.0 - hysteresis), hold
         self._exceeded_since: TimeInRun | None = None  # begin of the present excess
         self.is_on = False
         self.largest, self.largest_at = 0.0, TimeInRun(0, 0.0, math.nan)  # of the present excess
@@ -93,7 +93,7 @@ class LimitMonitor:
         """
         if math.isnan(value):
             return self.is_on
-        if value < (self._fall if self.is_on else self._limit):
+        if value < (self._reset_level if self.is_on else self._limit):
             self._exceeded_since, self.is_on = None, False
             return False
         if self._exceeded_since is None or (not self.is_on and self._exceeded_since.segment != at.segment):

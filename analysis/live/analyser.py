@@ -26,7 +26,7 @@ from analysis.tacho.shaft_angle import SmoothAngle, smooth_angle
 from analysis.vectors.runout import RunOutEstimator
 from analysis.whirl.components import find_whirls, noise_floor, quantile
 
-MIN_TURN_RATE = 1.0  # revolutions per second: no frame below 60 r/min
+MIN_TURN_RATE = 1.0  # Hz, revolutions per second: no frame below 60 r/min
 FLOOR_LINES = 6  # lines on either side of an order, beyond the main lobe, for the noise floor, as in `order_track`
 SPARE_REVOLUTIONS = 4  # revolutions that the pyramid stores in addition to a frame
 _PASSBAND_FRACTION = 0.2  # highest order over the angular samples per revolution
@@ -77,17 +77,17 @@ class OrderFrameBuilder:
             self._stride *= 2
         self._points = settings.points_per_revolution * self._stride
         self._runout = RunOutEstimator(settings.runout)
-        # samples of the level, to avoid aliasing
-        self._most_per_turn = (self._points - settings.highest_order) / STOP_BAND
+        # of a level that the angular grid does not alias
+        self._max_samples_per_revolution = (self._points - settings.highest_order) / STOP_BAND
 
     def new_pyramid(self, first: int) -> DecimationPyramid:
         """Return an empty pyramid for every speed, for samples from index ``first`` on."""
         turns = self._settings.revolutions + SPARE_REVOLUTIONS
-        keep = int(turns * self._most_per_turn) + 8 * HALF_WIDTH
+        keep = int(turns * self._max_samples_per_revolution) + 8 * HALF_WIDTH
         return DecimationPyramid(2, self._level(MIN_TURN_RATE) + 1, keep, first, self._late)
 
     def _level(self, turn_rate: float) -> int:
-        return max(int(np.ceil(np.log2(self._rate / (self._most_per_turn * turn_rate)))), 0)
+        return max(int(np.ceil(np.log2(self._rate / (self._max_samples_per_revolution * turn_rate)))), 0)
 
     def build(
         self,
@@ -256,9 +256,9 @@ class Analyser:
         self._clipped = np.zeros(self._n_channels, dtype=np.int64)
         self._beyond = np.zeros(len(self._rows), dtype=np.int64)
         self._codes = np.empty((self._n_channels, self._hop), dtype=np.int16)
-        hops_in_a_turn = int(NO_PULSE_TIMEOUT / settings.update_interval) + 2
+        max_hops_per_revolution = int(NO_PULSE_TIMEOUT / settings.update_interval) + 2
         self._clipping: deque[tuple[int, IntArray]] = deque(maxlen=MAX_CLIPPED_INTERVALS)
-        self._overall = OverallWindow(acquisition.rate, self._hop, hops_in_a_turn)
+        self._overall = OverallWindow(acquisition.rate, self._hop, max_hops_per_revolution)
         self._restart(-1, 0)
 
     def _restart(self, segment: int, first: int) -> None:

@@ -77,9 +77,9 @@ class LowFrequencySignal:
         self._rate = rate / step
         self._time = np.arange(thinned.size) / self._rate
         self._window = np.hanning(thinned.size + 2)[1:-1]
-        still = [np.ones_like(self._time), self._time]
-        self._turning = [] if angle is None else _order_columns(_thinned(angle, step))
-        self._basis = np.stack([*still, *self._turning], axis=1)
+        trend_columns = [np.ones_like(self._time), self._time]
+        self._order_columns = [] if angle is None else _columns_of_orders(_thinned(angle, step))
+        self._basis = np.stack([*trend_columns, *self._order_columns], axis=1)
         weighted = self._window[:, np.newaxis] * self._basis
         powers, turn = np.linalg.eigh(weighted.T @ weighted)
         turn = turn[:, powers > MIN_RELATIVE_POWER * powers[-1]] / np.sqrt(
@@ -88,8 +88,8 @@ class LowFrequencySignal:
         self._factor = weighted @ turn  # orthonormal columns that span mean, trend and orders
         solution = turn @ (self._factor.T @ (self._window * thinned))
         self._solution = solution
-        self._rest = self._window * (thinned - self._basis @ solution)
-        self._moving = self._rest + self._window * (self._basis[:, 2:] @ solution[2:])
+        self._residual = self._window * (thinned - self._basis @ solution)
+        self._detrended = self._residual + self._window * (self._basis[:, 2:] @ solution[2:])
 
     @property
     def vectors(self) -> ComplexArray:
@@ -97,7 +97,7 @@ class LowFrequencySignal:
 
         x(t) = Re[X exp(i k theta)].
         """
-        if not self._turning:
+        if not self._order_columns:
             return np.empty(0, dtype=np.complex128)
         cosine, sine = self._solution[2::4], self._solution[3::4]
         return np.asarray(cosine - 1j * sine, dtype=np.complex128)
@@ -108,20 +108,20 @@ class LowFrequencySignal:
 
     def motion_rms(self) -> float:
         """Return the rms between 2 and 1000 Hz without the mains lines, in the unit of the signal."""
-        spectrum = np.fft.rfft(self._moving)
-        frequency = np.fft.rfftfreq(self._moving.size, 1.0 / self._rate)
+        spectrum = np.fft.rfft(self._detrended)
+        frequency = np.fft.rfftfreq(self._detrended.size, 1.0 / self._rate)
         included = (frequency >= MOTION_BAND[0]) & (frequency <= MOTION_BAND[1])
         for mains in MAINS_FREQUENCIES:
             nearest = np.round(frequency / mains)
             included &= (nearest == 0) | (np.abs(frequency - nearest * mains) > 2.0)
-        power = 2.0 * np.sum(np.abs(spectrum[included]) ** 2) / self._moving.size
+        power = 2.0 * np.sum(np.abs(spectrum[included]) ** 2) / self._detrended.size
         return float(np.sqrt(power / np.sum(self._window**2)))
 
     def _line(self, mains: float) -> MainsLine:
-        left = self._left_of(mains)
+        left = self._separable_energy(mains)
         is_separable = left >= MIN_SEPARABLE_ENERGY
         offsets = np.arange(-SEARCH_WIDTH, SEARCH_WIDTH + SEARCH_STEP / 2, SEARCH_STEP)
-        signal = self._rest if is_separable else self._moving
+        signal = self._residual if is_separable else self._detrended
         step = max(int(self._rate / BASE_RATE), 1)
         base = _thinned(signal * np.exp(-1j * TAU * mains * self._time), step)
         time = step * np.arange(base.size) / self._rate
@@ -134,7 +134,7 @@ class LowFrequencySignal:
         is_highest = abs(offsets[highest]) <= MAX_MAINS_OFFSET
         return MainsLine(mains, scale * float(heights[highest]) if is_highest else 0.0, sigma, is_separable)
 
-    def _left_of(self, mains: float) -> float:
+    def _separable_energy(self, mains: float) -> float:
         """Return the fraction of a mains line's energy that remains after subtracting the shaft orders."""
         lines = self._window * np.stack([np.cos(TAU * mains * self._time), np.sin(TAU * mains * self._time)])
         taken = lines @ self._factor
@@ -147,7 +147,7 @@ def _thinned(values: NDArray[Number], step: int) -> NDArray[Number]:
     return np.asarray(values[:whole].reshape(-1, step).mean(axis=1), dtype=values.dtype)
 
 
-def _order_columns(angle: FloatArray) -> list[FloatArray]:
+def _columns_of_orders(angle: FloatArray) -> list[FloatArray]:
     """Return cosine and sine of each order, and both with a linear trend, as amplitudes change with the speed."""
     growth = np.linspace(-1.0, 1.0, angle.size)
     columns = []

@@ -1,4 +1,7 @@
-"""Run-out compensation: run-out from the slow roll of a record, and estimation during a run."""
+"""Run-out compensation: run-out from the slow roll of a record, and estimation during a run.
+
+Live, `OrderFrame.compensated` (`analysis.signals.snapshot`) subtracts it from 1X and 2X.
+"""
 
 from dataclasses import dataclass
 

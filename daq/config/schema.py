@@ -203,10 +203,10 @@ def parse_condition(text: str) -> TriggerCondition | None:
     """
     if not text.strip():
         return None
-    found = _CONDITION.fullmatch(text)
-    if found is None:
+    matched = _CONDITION.fullmatch(text)
+    if matched is None:
         raise ValueError('expected a condition such as "speed > 2000" (r/min), "x > 4.5" (V) or "time > 10" (s)')
-    quantity, sign, value = found.groups()
+    quantity, sign, value = matched.groups()
     return TriggerCondition(quantity, sign == ">", float(value.replace("_", "").replace(",", "")))
 
 

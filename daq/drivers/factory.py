@@ -59,17 +59,17 @@ class ReconnectingSource:
         """Start, and yield blocks and segment ends until stopped or until reconnecting fails."""
         first = 0
         while True:
-            base, goes_on = first, False
+            base, continues = first, False
             for item in self._device.blocks():
                 numbered = replace(item, segment=base + item.segment)
                 if isinstance(numbered, SampleBlock):
                     yield numbered
                     continue
-                goes_on, numbered = self._decide(numbered)
+                continues, numbered = self._decide(numbered)
                 first = numbered.segment + 1
                 yield numbered
             self._device.close()
-            if not goes_on or self._stopping.is_set():
+            if not continues or self._stopping.is_set():
                 return
             error = self._reconnect()
             if error is not None:
@@ -92,8 +92,8 @@ class ReconnectingSource:
 
     def _decide(self, end: SegmentEnd) -> tuple[bool, SegmentEnd]:
         """Return whether to reconnect after this segment end, and the end with its final detail."""
-        goes_on = end.reason in RECONNECT_REASONS and not self._stopping.is_set() and self._timeout > 0
-        return self._restarts.decide(end, goes_on=goes_on)
+        continues = end.reason in RECONNECT_REASONS and not self._stopping.is_set() and self._timeout > 0
+        return self._restarts.decide(end, continues=continues)
 
     def _reconnect(self) -> DeviceError | None:
         """Reopen the device until it is back or a stop is requested; return the error if it stays disconnected."""

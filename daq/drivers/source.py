@@ -36,7 +36,7 @@ class Source(Protocol):
         ...
 
 
-WINDOW = 60.0  # s
+RESTART_PERIOD = 60.0  # s, in which `per_minute` new segments are allowed
 
 
 class RestartLimiter:
@@ -52,13 +52,13 @@ class RestartLimiter:
         self._per_minute = per_minute
         self._times: deque[float] = deque(maxlen=max(per_minute, 1))
 
-    def decide(self, end: SegmentEnd, *, goes_on: bool) -> tuple[bool, SegmentEnd]:
-        """Return whether a run that would go on does so, and the segment's end, which states if the limit stops it."""
-        if not goes_on:
+    def decide(self, end: SegmentEnd, *, continues: bool) -> tuple[bool, SegmentEnd]:
+        """Return whether the run may continue if the fault lets it, and the segment's end, which states the limit."""
+        if not continues:
             return False, end
         now = time.monotonic()
         full = len(self._times) == self._per_minute
-        if self._per_minute > 0 and not (full and now - self._times[0] < WINDOW):
+        if self._per_minute > 0 and not (full and now - self._times[0] < RESTART_PERIOD):
             self._times.append(now)
             return True, end
         reason = "every fault ends the run" if self._per_minute == 0 else f"{self._per_minute} new segments in a minute"

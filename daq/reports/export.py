@@ -50,7 +50,7 @@ def run_analysis(
 
 @lru_cache(maxsize=ANALYSIS_CACHE_SIZE)
 def _cached_analysis(
-    path: Path, _size: int, _changed_ns: int, kind: str, query: AnalysisQuery
+    path: Path, _size: int, _modified_ns: int, kind: str, query: AnalysisQuery
 ) -> tuple[str, AnalysisResult]:
     return run_analysis(path, kind, query, lambda _task, _fraction: None)
 

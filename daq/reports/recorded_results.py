@@ -12,27 +12,27 @@ from daq.schemas.units import finite, lags_degrees, micrometres, rpm
 FloatArray = NDArray[np.float64]
 
 
-def findings_schema(found: RunHistory) -> WhirlFindingsSchema:
+def findings_schema(history: RunHistory) -> WhirlFindingsSchema:
     """Return the components below 1X."""
-    findings = tuple(map(SubSynchronousSchema.of, found.summary.whirls))
-    return WhirlFindingsSchema(run=found.header.run, sub_synchronous=findings)
+    findings = tuple(map(SubSynchronousSchema.of, history.summary.whirls))
+    return WhirlFindingsSchema(run=history.header.run, sub_synchronous=findings)
 
 
-def trend_schema(found: RunHistory, query: TrendQuery) -> TrendSchema:
+def trend_schema(history: RunHistory, query: TrendQuery) -> TrendSchema:
     """Return the trend over time; each segment begins a new entry."""
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
-    chosen = (found.time >= query.from_s) & (found.time <= end)
+    chosen = (history.time >= query.from_s) & (history.time <= end)
     if query.segment is not None:
-        chosen &= found.segment == query.segment
+        chosen &= history.segment == query.segment
     index = np.flatnonzero(chosen)
     width = max(-(-index.size // query.entries), 1)
     position = np.arange(index.size)
-    segments = found.segment[index]
+    segments = history.segment[index]
     new_segment = np.flatnonzero(np.diff(segments, prepend=segments[:1] - 1))
     begun = new_segment[np.searchsorted(new_segment, position, side="right") - 1] if index.size else position
     starts = np.flatnonzero((position - begun) % width == 0)
     last = np.append(starts[1:], index.size) - 1 if index.size else starts
-    one_x, one_y = np.abs(found.vectors)
+    one_x, one_y = np.abs(history.vectors)
 
     def minimum(values: FloatArray) -> list[float]:
         return np.fmin.reduceat(values[index], starts).tolist() if index.size else []
@@ -40,19 +40,19 @@ def trend_schema(found: RunHistory, query: TrendQuery) -> TrendSchema:
     def maximum(values: FloatArray) -> list[float]:
         return np.fmax.reduceat(values[index], starts).tolist() if index.size else []
 
-    order, size = _largest_whirls(found.whirl_order[index], found.whirl_amplitude[index], starts)
-    lag_x, lag_y = (lags_degrees(vector[index][last]) for vector in found.vectors)
+    order, size = _largest_whirls(history.whirl_order[index], history.whirl_amplitude[index], starts)
+    lag_x, lag_y = (lags_degrees(vector[index][last]) for vector in history.vectors)
     return TrendSchema(
-        run=found.header.run,
+        run=history.header.run,
         results_per_entry=width,
         segment=tuple(segments[last].tolist()),
-        time_s=tuple(finite(value) for value in found.time[index][last].tolist()),
-        speed_min_rpm=tuple(map(rpm, minimum(found.speed))),
-        speed_max_rpm=tuple(map(rpm, maximum(found.speed))),
-        peak_to_peak_min_x_um=tuple(map(micrometres, minimum(found.peak_to_peak[0]))),
-        peak_to_peak_max_x_um=tuple(map(micrometres, maximum(found.peak_to_peak[0]))),
-        peak_to_peak_min_y_um=tuple(map(micrometres, minimum(found.peak_to_peak[1]))),
-        peak_to_peak_max_y_um=tuple(map(micrometres, maximum(found.peak_to_peak[1]))),
+        time_s=tuple(finite(value) for value in history.time[index][last].tolist()),
+        speed_min_rpm=tuple(map(rpm, minimum(history.speed))),
+        speed_max_rpm=tuple(map(rpm, maximum(history.speed))),
+        peak_to_peak_min_x_um=tuple(map(micrometres, minimum(history.peak_to_peak[0]))),
+        peak_to_peak_max_x_um=tuple(map(micrometres, maximum(history.peak_to_peak[0]))),
+        peak_to_peak_min_y_um=tuple(map(micrometres, minimum(history.peak_to_peak[1]))),
+        peak_to_peak_max_y_um=tuple(map(micrometres, maximum(history.peak_to_peak[1]))),
         order_1x_min_x_um=tuple(map(micrometres, minimum(one_x))),
         order_1x_max_x_um=tuple(map(micrometres, maximum(one_x))),
         order_1x_min_y_um=tuple(map(micrometres, minimum(one_y))),
@@ -69,8 +69,8 @@ def _largest_whirls(
 ) -> tuple[list[float], list[float]]:
     """Return order and amplitude of the largest whirl of each entry; NaN without one."""
     stops = np.append(starts[1:], orders.size)
-    found = []
+    largest_whirls = []
     for start, stop in zip(starts.tolist(), stops.tolist(), strict=False):
         largest = start + int(np.argmax(np.nan_to_num(amplitudes[start:stop], nan=-1.0)))
-        found.append((float(orders[largest]), float(amplitudes[largest])))
-    return [order for order, _ in found], [size for _, size in found]
+        largest_whirls.append((float(orders[largest]), float(amplitudes[largest])))
+    return [order for order, _ in largest_whirls], [size for _, size in largest_whirls]

@@ -130,10 +130,10 @@ def load_history(path: Path, on_progress: OnProgress | None = None) -> RunHistor
     status = file_status(path)
     key = path, status.st_size, status.st_mtime_ns
     if key not in _histories:
-        found = _read(path, on_progress)
+        history = _read(path, on_progress)
         if len(_histories) >= HISTORY_CACHE_SIZE:
             del _histories[next(iter(_histories))]
-        _histories[key] = found
+        _histories[key] = history
     return _histories[key]
 
 

@@ -138,13 +138,13 @@ class RunSamples:
             raise RequestTooLargeError(
                 f"{size:,} samples, expected at most {MAX_SAMPLES:,}: request {longest:,.0f} s at most"
             )
-        found = np.empty((2, size))
+        displacement = np.empty((2, size))
         for low in range(0, size, self.chunk_size):
             high = min(low + self.chunk_size, size)
-            found[:, low:high] = self._probes(SampleRange(span.segment, span.first + low, span.first + high))[0]
+            displacement[:, low:high] = self._probes(SampleRange(span.segment, span.first + low, span.first + high))[0]
             if task:
                 self._on_progress(task, high / size)
-        return found
+        return displacement
 
     def range_before_frame(
         self, segment: int | None, time: float | None, speed_rpm: float | None, revolutions: int
@@ -153,18 +153,18 @@ class RunSamples:
 
         The samples include ``revolutions`` before that end. DataNotFoundError where no frame is within the tolerance.
         """
-        found = self._history_with_speed()
-        index = found.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
-        end, speed = float(found.time[index]), float(found.frame_speed[index])
+        history = self._history_with_speed()
+        index = history.nearest(segment, time, None if speed_rpm is None else speed_rpm * RPM)
+        end, speed = float(history.time[index]), float(history.frame_speed[index])
         turn = 2.0 * math.pi / speed
         begin = max(end - SPEED_MARGIN * (revolutions + GUARD_REVOLUTIONS) * turn, 0.0)
         after = end + GUARD_REVOLUTIONS * turn + MARGIN_SAMPLES / self.rate
-        return self.sample_range(int(found.segment[index]), begin, after - begin), end
+        return self.sample_range(int(history.segment[index]), begin, after - begin), end
 
     def recorded_frame(self, query: FrameQuery) -> tuple[Snapshot, OrderFrame]:
         """Return the recorded frame nearest to a time or speed; DataNotFoundError where none is near enough."""
-        found, speed = self.history(), None if query.speed_rpm is None else query.speed_rpm * RPM
-        return snapshot_at(self._reader.path, found, found.nearest(query.segment, query.time_s, speed))
+        history, speed = self.history(), None if query.speed_rpm is None else query.speed_rpm * RPM
+        return snapshot_at(self._reader.path, history, history.nearest(query.segment, query.time_s, speed))
 
     def snapshots(self) -> Iterator[Snapshot]:
         """Yield the results of the run in order, as `history` holds them."""
@@ -184,18 +184,19 @@ class RunSamples:
 
     def slow_roll(self, segment: int | None, speed_rpm: float, points: int) -> SlowRoll:
         """Return the run-out from the revolutions up to a speed; InsufficientDataError without any."""
-        found = self._history_with_speed()
-        slow = (found.frame_speed <= speed_rpm * RPM) & (found.segment == self.sample_range(segment).segment)
+        history = self._history_with_speed()
+        slow = (history.frame_speed <= speed_rpm * RPM) & (history.segment == self.sample_range(segment).segment)
         if not slow.any():
             raise InsufficientDataError(f"run {self.header.run}: it never turned as slowly as {speed_rpm:,.0f} r/min")
         first = int(np.argmax(slow))
         last = first + int(np.argmin(np.append(slow[first:], False))) - 1
-        turn = 2.0 * math.pi / float(found.frame_speed[first])
+        turn = 2.0 * math.pi / float(history.frame_speed[first])
         begin = max(
-            float(found.time[first]) - SPEED_MARGIN * (self.header.settings.revolutions + GUARD_REVOLUTIONS) * turn, 0.0
+            float(history.time[first]) - SPEED_MARGIN * (self.header.settings.revolutions + GUARD_REVOLUTIONS) * turn,
+            0.0,
         )
         span = self.sample_range(
-            int(found.segment[first]), begin, float(found.time[last]) + GUARD_REVOLUTIONS * turn - begin
+            int(history.segment[first]), begin, float(history.time[last]) + GUARD_REVOLUTIONS * turn - begin
         )
         with translated_errors(f"run {self.header.run}, slow roll up to {speed_rpm:,.0f} r/min"):
             return slow_roll(self.angular_record(span, points * PASSBAND_FRACTION), 0.0, speed_rpm * RPM)
@@ -210,12 +211,12 @@ class RunSamples:
 
     def _history_with_speed(self) -> RunHistory:
         """Return the results of the run; InsufficientDataError where no order frame has a speed."""
-        found = self.history()
-        if not np.isfinite(found.frame_speed).any():
+        history = self.history()
+        if not np.isfinite(history.frame_speed).any():
             raise InsufficientDataError(
                 f"run {self.header.run}: the tacho measured no speed, or for fewer revolutions than an order frame"
             )
-        return found
+        return history
 
     def _require_order(self, order: float, angle: ShaftAngle) -> None:
         """Raise InsufficientDataError where an order exceeds the usable frequency range."""

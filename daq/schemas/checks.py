@@ -106,11 +106,11 @@ class PreflightSchema(Schema):
     checks: tuple[PreflightCheckSchema, ...] = Field(description="Checks in the order of an inspection")
 
 
-def preflight_schema(rig: str, found: PreflightReport) -> PreflightSchema:
+def preflight_schema(rig: str, report: PreflightReport) -> PreflightSchema:
     """Return the schema of a preflight of a rig."""
-    acquisition = found.acquisition
+    acquisition = report.acquisition
     return PreflightSchema.of(
-        found,
+        report,
         rig=rig,
         device=None if acquisition is None else acquisition.device,
         sample_rate_hz=None if acquisition is None else acquisition.rate,

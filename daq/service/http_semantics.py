@@ -67,7 +67,7 @@ def _quality_values(header: str) -> dict[str, float]:
 
 def weak_etag(run: RunEntry, *parts: str) -> str:
     """Return a weak ETag that changes with a run's file and with ``parts``."""
-    text = "\n".join((run.id, str(run.size), str(run.changed_ns), *parts))
+    text = "\n".join((run.id, str(run.size), str(run.modified_ns), *parts))
     return f"W/{_quoted_hash(text)}"
 
 

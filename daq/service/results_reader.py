@@ -55,7 +55,7 @@ def result_body(path: Path, name: str, query: QueryParameters, gzipped: bool) ->
 def _cached_body(
     path: Path,
     _size: int,
-    _changed_ns: int,
+    _modified_ns: int,
     name: str,
     query: QueryParameters,
     gzipped: bool,  # noqa: FBT001 - part of the cache key

@@ -294,11 +294,11 @@ class Predictor:
             self._percent = 100 * done // total
             self._changed.notify_all()
 
-    def _finish(self, found: PredictionMap | None = None, failure: str = "") -> None:
+    def _finish(self, prediction_map: PredictionMap | None = None, failure: str = "") -> None:
         """Store the result of the computation; only the first call counts."""
         with self._changed:
             if self.map is None and not self._failure:
-                self.map, self._failure = found, failure
+                self.map, self._failure = prediction_map, failure
                 self._changed.notify_all()
 
 

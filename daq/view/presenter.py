@@ -72,11 +72,11 @@ def _view_2d(origin: str, name: str, bounds: _Bounds, *, titlebar: bool = True) 
 _UNDER, _OVER = 10.0, 20.0  # draw order of the axes, and of the first layer of a plot
 # Plots are drawn every so many updates, of ten per second. A browser without a graphics card draws about 25 entities
 # per second and skips none, so that sending more delays the display.
-_FAST = 3  # orbit and banner
-_MIDDLE = 6  # spectra, traces, details
-_SLOW = 12  # cascade and Bode plot
-_SLOWEST = 24  # waterfall, trend
-_REPEAT = 5.0  # s of the run between repeated axes, for late viewers whose oldest data was dropped
+_ORBIT_INTERVAL = 3  # updates, also of the banner
+_SPECTRUM_INTERVAL = 6  # updates, also of traces and details
+_CASCADE_INTERVAL = 12  # updates, also of the Bode plot
+_WATERFALL_INTERVAL = 24  # updates, also of the trend
+_AXES_PERIOD = 5.0  # s of the run between repeated axes, for late viewers whose oldest data was dropped
 
 
 class Presenter:
@@ -98,21 +98,21 @@ class Presenter:
         self._count = 0
         self._shown: dict[str, tuple[Hashable, float]] = {}  # state of the axes of each plot, and when they were logged
         self._plots: dict[str, tuple[LivePlot, int]] = {
-            "orbit": (OrbitPlot(header), _FAST),
-            "spectrum": (SpectrumPlot(), _MIDDLE),
-            "traces": (TracePlot(), _MIDDLE),
-            "cascade": (CascadePlot(header), _SLOW),
-            "bode": (BodePlot(header), _SLOW),
-            "waterfall": (WaterfallPlot(header), _SLOWEST),
-            "trend": (TrendPlot(), _SLOWEST),
+            "orbit": (OrbitPlot(header), _ORBIT_INTERVAL),
+            "spectrum": (SpectrumPlot(), _SPECTRUM_INTERVAL),
+            "traces": (TracePlot(), _SPECTRUM_INTERVAL),
+            "cascade": (CascadePlot(header), _CASCADE_INTERVAL),
+            "bode": (BodePlot(header), _CASCADE_INTERVAL),
+            "waterfall": (WaterfallPlot(header), _WATERFALL_INTERVAL),
+            "trend": (TrendPlot(), _WATERFALL_INTERVAL),
         }
 
     def show(self, update: LiveUpdate) -> None:
         """Log what is due for an update."""
         self._stream.set_time(self._timeline, duration=update.status.elapsed)
-        if self._count % _FAST == 0:
+        if self._count % _ORBIT_INTERVAL == 0:
             self._stream.log("banner", banner(update).archetype(draw_order=_OVER))
-        if self._count % _MIDDLE == 0:
+        if self._count % _SPECTRUM_INTERVAL == 0:
             self._stream.log("details", rr.TextDocument(details(update), media_type=rr.MediaType.MARKDOWN))
         for name, (plot, interval) in self._plots.items():
             plot.add(update)
@@ -121,10 +121,10 @@ class Presenter:
         self._count += 1
 
     def _show_plot(self, name: str, plot: LivePlot, update: LiveUpdate) -> None:
-        """Log the layers of a plot, and its axes when its scale has changed and every `_REPEAT` seconds."""
+        """Log the layers of a plot, and its axes when its scale has changed and every `_AXES_PERIOD` seconds."""
         state, elapsed = plot.follow(update), update.status.elapsed
-        state_before, logged = self._shown.get(name, (None, -_REPEAT))
-        if state != state_before or elapsed - logged >= _REPEAT:
+        state_before, logged = self._shown.get(name, (None, -_AXES_PERIOD))
+        if state != state_before or elapsed - logged >= _AXES_PERIOD:
             self._stream.log(f"{name}/axes", plot.axes().archetype(draw_order=_UNDER))
             self._shown[name] = (state, elapsed)
         for number, (part, layer) in enumerate(plot.layers(update).items()):

@@ -104,14 +104,14 @@ def synchronous_response(
     if not system.is_isotropic:
         return _elliptic(parameters, speed, None if start is None else start.orbit)
     rest = np.zeros(system.shaft.points.shape[0] + system.rings.mass.size, np.complex128)
-    found = _continued(system, rest if start is None else start.bodies, [(speed, 1.0)])
-    if found is None:
-        found = _continued(system, rest, [(speed, float(fraction)) for fraction in np.linspace(0.05, 1.0, 20)])
-    if found is None:
-        found = _continued(system, rest, [(float(lower), 1.0) for lower in np.geomspace(speed / 20, speed, 60)])
-    if found is None:
+    solution = _continued(system, rest if start is None else start.bodies, [(speed, 1.0)])
+    if solution is None:
+        solution = _continued(system, rest, [(speed, float(fraction)) for fraction in np.linspace(0.05, 1.0, 20)])
+    if solution is None:
+        solution = _continued(system, rest, [(float(lower), 1.0) for lower in np.geomspace(speed / 20, speed, 60)])
+    if solution is None:
         raise NoSolutionError(f"synchronous motion at {speed:.1f} rad/s: none found within the clearances")
-    positions, modal, matrix = found
+    positions, modal, matrix = solution
     circles = system.stations @ modal
     circle = complex(system.shaft.probe @ modal)
     return SynchronousResponse(
@@ -146,15 +146,15 @@ def _whirls(matrix: FloatArray, eccentricities: FloatArray, speed: float) -> tup
     """
     values = np.linalg.eigvals(matrix)
     values = values[values.imag >= 0]  # one of each conjugate pair
-    found: dict[FilmName, Whirl] = {}
+    whirl_of_film: dict[FilmName, Whirl] = {}
     for value in values[np.argsort(-values.real, kind="stable")]:
-        if len(found) == len(FilmName):
+        if len(whirl_of_film) == len(FilmName):
             break
         is_reverse, share = disturbance(matrix, complex(value), eccentricities)
         order = 1 + (-value.imag if is_reverse else value.imag) / speed
         whirl = Whirl(float(value.real), float(order), share)
-        found.setdefault(whirl.film, whirl)
-    return tuple(found.values())
+        whirl_of_film.setdefault(whirl.film, whirl)
+    return tuple(whirl_of_film.values())
 
 
 def _probe_vectors(parameters: ModelParameters, forward: complex, reverse: complex) -> ComplexArray:

@@ -337,11 +337,11 @@ def finite_film_equilibrium(
     cavitated = replace(film, model=FilmModel.CAPONE)  # as the film of finite length
     position = short_film_coefficients(cavitated, load, surface_speed).position
     for _ in range(max_steps):
-        found = perturbed_coefficients(film, position, surface_speed, grid)
-        missing = found.force - 1j * load
+        coefficients = perturbed_coefficients(film, position, surface_speed, grid)
+        missing = coefficients.force - 1j * load
         if abs(missing) < 1e-9 * load:
-            return found
-        step = np.linalg.solve(found.stiffness, [missing.real, missing.imag])
+            return coefficients
+        step = np.linalg.solve(coefficients.stiffness, [missing.real, missing.imag])
         move = complex(step[0], step[1])
         gap = film.clearance - abs(position)
         position += move * min(1.0, 0.5 * gap / abs(move))

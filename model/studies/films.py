@@ -88,12 +88,12 @@ def compare_film_models(film: Film, surface_speed: float, eccentricities: ArrayL
     unit = 6 * film.viscosity * (film.radius / film.clearance) ** 2 * surface_speed * film.length * film.radius
     return FilmComparison(
         eccentricities=ratios,
-        short_load=np.array([abs(found.force) for found in shorts]),
-        finite_load=np.array([abs(found.force) for found in finites]),
-        long_load=unit * np.array([found.load for found in longs]),
-        short_attitude=np.array([_attitude(found) for found in shorts]),
-        finite_attitude=np.array([_attitude(found) for found in finites]),
-        long_attitude=np.array([found.attitude for found in longs]),
+        short_load=np.array([abs(one.force) for one in shorts]),
+        finite_load=np.array([abs(one.force) for one in finites]),
+        long_load=unit * np.array([one.load for one in longs]),
+        short_attitude=np.array([_attitude(one) for one in shorts]),
+        finite_attitude=np.array([_attitude(one) for one in finites]),
+        long_attitude=np.array([one.attitude for one in longs]),
         short_coefficients=tuple(shorts),
         finite_coefficients=tuple(finites),
     )
@@ -121,24 +121,24 @@ def _upright_finite(film: Film, ratio: float, surface_speed: float, grid: Grid) 
     return _rotate(flat, _upright_position(flat) / flat.position)
 
 
-def _upright_position(found: LinearCoefficients) -> complex:
+def _upright_position(coefficients: LinearCoefficients) -> complex:
     # the position, rotated so that the film force points up
-    return found.position * 1j * abs(found.force) / found.force
+    return coefficients.position * 1j * abs(coefficients.force) / coefficients.force
 
 
-def _rotate(found: LinearCoefficients, rotation_factor: complex) -> LinearCoefficients:
+def _rotate(coefficients: LinearCoefficients, rotation_factor: complex) -> LinearCoefficients:
     rotation = np.array([[rotation_factor.real, -rotation_factor.imag], [rotation_factor.imag, rotation_factor.real]])
     return LinearCoefficients(
-        found.position * rotation_factor,
-        found.force * rotation_factor,
-        rotation @ found.stiffness @ rotation.T,
-        rotation @ found.damping @ rotation.T,
+        coefficients.position * rotation_factor,
+        coefficients.force * rotation_factor,
+        rotation @ coefficients.stiffness @ rotation.T,
+        rotation @ coefficients.damping @ rotation.T,
     )
 
 
-def _attitude(found: LinearCoefficients) -> float:
+def _attitude(coefficients: LinearCoefficients) -> float:
     # the load points down
-    return math.atan2(found.position.real, -found.position.imag)
+    return math.atan2(coefficients.position.real, -coefficients.position.imag)
 
 
 def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: FloatArray, grid: Grid) -> Study:
@@ -159,26 +159,26 @@ def film_study(bearing: FloatingRing, which: str, speed: float, eccentricities: 
     """
     films = bearing_films(bearing)
     film, ratio = (films.inner, films.inner_speed) if which == "inner" else (films.outer, films.outer_speed)
-    found = compare_film_models(film, ratio * speed, eccentricities, grid)
-    e = found.eccentricities
+    comparison = compare_film_models(film, ratio * speed, eccentricities, grid)
+    e = comparison.eccentricities
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         "eccentricity": e,
-        "short_load_n": found.short_load,
-        "finite_load_n": found.finite_load,
-        "long_load_n": found.long_load,
-        "short_attitude_deg": np.degrees(found.short_attitude),
-        "finite_attitude_deg": np.degrees(found.finite_attitude),
-        "long_attitude_deg": np.degrees(found.long_attitude),
+        "short_load_n": comparison.short_load,
+        "finite_load_n": comparison.finite_load,
+        "long_load_n": comparison.long_load,
+        "short_attitude_deg": np.degrees(comparison.short_attitude),
+        "finite_attitude_deg": np.degrees(comparison.finite_attitude),
+        "long_attitude_deg": np.degrees(comparison.long_attitude),
     }
-    stiffness = np.array([one.stiffness for one in found.finite_coefficients])
-    damping = np.array([one.damping for one in found.finite_coefficients])
+    stiffness = np.array([one.stiffness for one in comparison.finite_coefficients])
+    damping = np.array([one.damping for one in comparison.finite_coefficients])
     for row, column, name in AXES:
         columns[f"stiffness_{name}_n_m"] = stiffness[:, row, column]
     for row, column, name in AXES:
         columns[f"damping_{name}_n_s_m"] = damping[:, row, column]
     models = ("infinitely short", "finite length", "infinitely long")
-    loads = (found.short_load, found.finite_load, found.long_load)
-    attitudes = (found.short_attitude, found.finite_attitude, found.long_attitude)
+    loads = (comparison.short_load, comparison.finite_load, comparison.long_load)
+    attitudes = (comparison.short_attitude, comparison.finite_attitude, comparison.long_attitude)
     title = f"The {which} film at {speed:,.0f} rad/s"
     label = "Eccentricity ratio [–]"
     return Study(
@@ -244,12 +244,12 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         "outer": [None if equilibrium is None else equilibrium.outer for equilibrium in equilibria],
     }
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
-    for name, found in films.items():
-        columns[f"{name}_eccentricity"] = np.array([math.nan if one is None else one.eccentricity for one in found])
+    for name, of_film in films.items():
+        columns[f"{name}_eccentricity"] = np.array([math.nan if one is None else one.eccentricity for one in of_film])
         columns[f"{name}_attitude_deg"] = np.array(
-            [math.nan if one is None else math.degrees(one.attitude) for one in found]
+            [math.nan if one is None else math.degrees(one.attitude) for one in of_film]
         )
-        ruptures = [None if one is None else one.rupture for one in found]
+        ruptures = [None if one is None else one.rupture for one in of_film]
         columns[f"{name}_rupture_deg"] = np.array([math.nan if r is None else math.degrees(r) for r in ruptures])
     columns["scaled_flow_kg_s"] = np.array(
         [math.nan if equilibrium is None else equilibrium.mean_flow() for equilibrium in equilibria]
@@ -291,7 +291,7 @@ def lubrication_study(lubrication: Lubrication, load: float, inlet_pressure: flo
         ),
         (
             "infinitely long films; cavity from the rupture angle on (none: complete film)",
-            "flow is known only up to a factor: use it for comparison, not as kg/s",
+            "flow is known only up to a factor: use it for equilibria, not as kg/s",
             *(() if missing is None else (f"{equilibria.count(None)} of {speeds.size} speeds are omitted: {missing}",)),
         ),
     )

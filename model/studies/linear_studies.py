@@ -115,9 +115,9 @@ def campbell_study(
         Whether to add a plot up to the frequency of the shaft.
     """
     system = supported_system(parameters, stiffness)
-    found = campbell(system, speeds, count)
+    diagram = campbell(system, speeds, count)
     critical = critical_speeds(system, float(speeds[-1]))
-    frequencies = found.frequencies / (2 * math.pi)
+    frequencies = diagram.frequencies / (2 * math.pi)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"speed_rad_s": speeds}
     for number, branch in enumerate(frequencies, 1):
         columns[f"branch_{number}_hz"] = np.asarray(branch)
@@ -174,10 +174,13 @@ def critical_study(parameters: ModelParameters, stiffnesses: FloatArray, highest
     highest : float
         Largest critical speed returned, rad/s.
     """
-    found = critical_speed_map(parameters.rotor, stiffnesses)
+    speed_map = critical_speed_map(parameters.rotor, stiffnesses)
     columns: dict[str, FloatArray | tuple[str, ...]] = {"stiffness_n_m": stiffnesses}
     series = []
-    for name, speeds, style in (("forward", found.forward, Style.LINE), ("reverse", found.reverse, Style.DASHED)):
+    for name, speeds, style in (
+        ("forward", speed_map.forward, Style.LINE),
+        ("reverse", speed_map.reverse, Style.DASHED),
+    ):
         for number, branch in enumerate(speeds, 1):
             below = np.where(branch <= highest, branch, np.nan)
             if np.any(np.isfinite(below)):
@@ -253,15 +256,15 @@ def _is_wide(series: list[Series]) -> bool:
 
 def _forward_response(parameters: ModelParameters, speeds: FloatArray) -> ComplexArray:
     weightless = replace(parameters, gravity=0.0)
-    found, last = [], None
+    amplitudes, last = [], None
     for speed in speeds:
         try:
             last = synchronous_response(weightless, float(speed), last)
-            found.append(complex(last.stations[0, parameters.probe_station - 1]))
+            amplitudes.append(complex(last.stations[0, parameters.probe_station - 1]))
         except NoSolutionError:
             last = None
-            found.append(complex(math.nan, math.nan))
-    return np.array(found)
+            amplitudes.append(complex(math.nan, math.nan))
+    return np.array(amplitudes)
 
 
 def _without_wraps(lag: FloatArray) -> FloatArray:

@@ -180,8 +180,8 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
 
     Raises NoSolutionError if no synchronous motion is found at any speed.
     """
-    found = stability(parameters, speeds)
-    missing = int(np.count_nonzero(np.isnan(found.growth_rates)))
+    stability_over_speed = stability(parameters, speeds)
+    missing = int(np.count_nonzero(np.isnan(stability_over_speed.growth_rates)))
     extent = f"from {speeds[0]:,.0f} to {speeds[-1]:,.0f} rad/s"
     if missing == speeds.size:
         raise NoSolutionError(
@@ -190,36 +190,43 @@ def onset_study(parameters: ModelParameters, speeds: FloatArray) -> Study:
     title = "Stability of the synchronous motion"
     remarks = [
         f"{band.film} film: unstable from {band.start:,.0f} to {band.stop:,.0f} rad/s, whirl at {band.order:.2f}X"
-        for band in found.bands
+        for band in stability_over_speed.bands
     ] or [f"stable {extent}"]
-    if len({band.film for band in found.bands}) == 2:
+    if len({band.film for band in stability_over_speed.bands}) == 2:
         remarks.append(
             "each onset is about the motion without whirl; once one film whirls, the onset of the other one changes"
         )
     if missing:
         remarks.append(f"omitted: {missing} of {speeds.size} speeds without synchronous motion within the clearances")
-    onsets = np.array([edge for band in found.bands for edge in (band.start, band.stop) if edge < speeds[-1]])
+    onsets = np.array(
+        [edge for band in stability_over_speed.bands for edge in (band.start, band.stop) if edge < speeds[-1]]
+    )
     columns: dict[str, FloatArray | tuple[str, ...]] = {
         "speed_rad_s": speeds,
         "speed_rpm": np.asarray(speeds / RPM),
-        "growth_rate_1_s": found.growth_rates,
-        "whirl_order": found.orders,
-        "film": tuple("–" if math.isnan(share) else dominant_film(share).value for share in found.inner_shares),
-        "inner_share": found.inner_shares,
-        **{f"{film}_growth_rate_1_s": rates for film, rates in found.film_growth_rates.items()},
+        "growth_rate_1_s": stability_over_speed.growth_rates,
+        "whirl_order": stability_over_speed.orders,
+        "film": tuple(
+            "–" if math.isnan(share) else dominant_film(share).value for share in stability_over_speed.inner_shares
+        ),
+        "inner_share": stability_over_speed.inner_shares,
+        **{f"{film}_growth_rate_1_s": rates for film, rates in stability_over_speed.film_growth_rates.items()},
     }
-    return Study(title, columns, _stability_plots(title, found, onsets), tuple(remarks))
+    return Study(title, columns, _stability_plots(title, stability_over_speed, onsets), tuple(remarks))
 
 
-def _stability_plots(title: str, found: Stability, onsets: FloatArray) -> tuple[Plot, Plot]:
-    speeds, is_inner = found.speeds, found.inner_shares > 0.5
+def _stability_plots(title: str, stability_over_speed: Stability, onsets: FloatArray) -> tuple[Plot, Plot]:
+    speeds, is_inner = stability_over_speed.speeds, stability_over_speed.inner_shares > 0.5
     return (
         Plot(
             title,
             SPEED_LABEL,
             "Growth rate of the least stable whirl [1/s]",
             (
-                *(Series(f"{film} film", speeds, rates) for film, rates in found.film_growth_rates.items()),
+                *(
+                    Series(f"{film} film", speeds, rates)
+                    for film, rates in stability_over_speed.film_growth_rates.items()
+                ),
                 Series("", speeds, np.zeros(speeds.size), Style.REFERENCE),
                 Series("onset or end", onsets, np.zeros(onsets.size), Style.MARKERS),
             ),
@@ -229,7 +236,7 @@ def _stability_plots(title: str, found: Stability, onsets: FloatArray) -> tuple[
             SPEED_LABEL,
             "Whirl over the shaft's speed [X]",
             tuple(
-                Series(f"{film} film", speeds, np.where(chosen, found.orders, np.nan), Style.POINTS)
+                Series(f"{film} film", speeds, np.where(chosen, stability_over_speed.orders, np.nan), Style.POINTS)
                 for film, chosen in zip(FilmName, (is_inner, ~is_inner), strict=True)
             ),
         ),

@@ -110,10 +110,10 @@ class RunUp:
         peaks = [_peaks(one, self.orders) for one in films]
         # sub-synchronous peaks of each film: those with the larger motion in that film
         own = [
-            [(one, index) for one, index in found if lowest <= one <= highest and films[k, index] > films[1 - k, index]]
-            for k, found in enumerate(peaks)
+            [(one, index) for one, index in run if lowest <= one <= highest and films[k, index] > films[1 - k, index]]
+            for k, run in enumerate(peaks)
         ]
-        largest = [max((float(films[k, index]) for _, index in found), default=0.0) for k, found in enumerate(own)]
+        largest = [max((float(films[k, index]) for _, index in run), default=0.0) for k, run in enumerate(own)]
         first, wanted = int(np.argmax(largest)), list(FilmName).index(film)
         if first != wanted and own[first]:
             combined = combinations(max(own[first], key=lambda peak: films[first, peak[1]])[0])
@@ -231,12 +231,12 @@ def run_up(
     return RunUp(speeds, empty[:highest], spectrum, stroboscopic, peak_to_peak, orbit, films, perturbed)
 
 
-def waterfall_study(found: RunUp, name: str) -> Study:
+def waterfall_study(run: RunUp, name: str) -> Study:
     """Return the waterfall of a run-up: spectra over speed.
 
     Parameters
     ----------
-    found : RunUp
+    run : RunUp
         Run-up at rising speeds.
     name : str
         Name of the case.
@@ -246,10 +246,10 @@ def waterfall_study(found: RunUp, name: str) -> Study:
     WallContactError
         If the motion reached a wall at all speeds.
     """
-    wall_remarks = _wall_remarks(found)
+    wall_remarks = _wall_remarks(run)
     columns: dict[str, FloatArray] = {}
     for film in FilmName:
-        order, size = found.whirl(film)
+        order, size = run.whirl(film)
         columns |= {
             f"{film}_whirl_order": np.where(size > MIN_AMPLITUDE, order, np.nan),
             f"{film}_whirl_um_pk": size / MICROMETRE,
@@ -257,34 +257,34 @@ def waterfall_study(found: RunUp, name: str) -> Study:
     return Study(
         f"Waterfall, {name}",
         {
-            "speed_rad_s": found.speeds,
-            "first_order_um_pk": found.first_order / MICROMETRE,
+            "speed_rad_s": run.speeds,
+            "first_order_um_pk": run.first_order / MICROMETRE,
             **columns,
-            "overall_um_pp": found.peak_to_peak / MICROMETRE,
-            **_perturbation_columns(found.perturbation),
+            "overall_um_pp": run.peak_to_peak / MICROMETRE,
+            **_perturbation_columns(run.perturbation),
         },
-        (waterfall_surface(found, f"Waterfall, {name}"),),
+        (waterfall_surface(run, f"Waterfall, {name}"),),
         (
             *(
                 f"{film} film: " + (f"whirl from {onset:,.0f} rad/s" if math.isfinite(onset) else "no whirl")
-                for film, onset in ((film, found.onset(film)) for film in FilmName)
+                for film, onset in ((film, run.onset(film)) for film in FilmName)
             ),
             "each whirl is assigned to the film whose surfaces move more against each other, relative to the clearance",
             *wall_remarks,
-            *_perturbation_remarks(found),
+            *_perturbation_remarks(run),
         ),
     )
 
 
-def _wall_remarks(found: RunUp) -> tuple[str, ...]:
+def _wall_remarks(run: RunUp) -> tuple[str, ...]:
     """Return a remark on the speeds with wall contact; WallContactError if these are all speeds."""
-    touched = int(np.count_nonzero(np.isnan(found.peak_to_peak)))
-    if touched == found.speeds.size:
+    touched = int(np.count_nonzero(np.isnan(run.peak_to_peak)))
+    if touched == run.speeds.size:
         raise WallContactError(
             f"eccentricity: the motion reached a wall at each of the {touched} speeds "
-            f"from {found.speeds.min():,.0f} to {found.speeds.max():,.0f} rad/s, expected less than the clearance"
+            f"from {run.speeds.min():,.0f} to {run.speeds.max():,.0f} rad/s, expected less than the clearance"
         )
-    return (f"the motion reached a wall at {touched} of {found.speeds.size} speeds: omitted",) if touched else ()
+    return (f"the motion reached a wall at {touched} of {run.speeds.size} speeds: omitted",) if touched else ()
 
 
 def _perturbation_columns(perturbation: Perturbation | None) -> dict[str, FloatArray]:
@@ -293,9 +293,9 @@ def _perturbation_columns(perturbation: Perturbation | None) -> dict[str, FloatA
     return {"growth_rate_1_s": perturbation.growth_rates, "settle_turns": perturbation.turns}
 
 
-def _perturbation_remarks(found: RunUp) -> list[str]:
+def _perturbation_remarks(run: RunUp) -> list[str]:
     """Return remarks on the perturbation, on the first unstable speed, and on speeds with too little time to grow."""
-    perturbation = found.perturbation
+    perturbation = run.perturbation
     if perturbation is None:
         return ["not perturbed: an unstable motion may take long to grow"]
     size = f"{perturbation.size / MICROMETRE:g} µm"
@@ -304,61 +304,61 @@ def _perturbation_remarks(found: RunUp) -> list[str]:
     ]
     unstable = perturbation.growth_rates > 0
     if unstable.any():
-        remarks.append(f"first of these speeds that is unstable by eigenvalues: {found.speeds[unstable][0]:,.0f} rad/s")
-    slow = found.speeds[unstable & (perturbation.turns >= MAX_GROWTH_TURNS)]
+        remarks.append(f"first of these speeds that is unstable by eigenvalues: {run.speeds[unstable][0]:,.0f} rad/s")
+    slow = run.speeds[unstable & (perturbation.turns >= MAX_GROWTH_TURNS)]
     if slow.size:
         remarks.append("growth too slow for this time: " + ", ".join(f"{speed:,.0f}" for speed in slow) + " rad/s")
     return remarks
 
 
-def waterfall_surface(found: RunUp, title: str) -> Surface:
+def waterfall_surface(run: RunUp, title: str) -> Surface:
     """Return the waterfall of a run-up as a colour map, order over speed."""
-    amplitude = np.asarray(np.clip(found.spectrum / MICROMETRE, AMPLITUDE_FLOOR, None))
+    amplitude = np.asarray(np.clip(run.spectrum / MICROMETRE, AMPLITUDE_FLOOR, None))
     largest = float(np.nanmax(amplitude)) if np.any(np.isfinite(amplitude)) else 1.0
     return Surface(
         title,
         "Frequency over the shaft's speed [X]",
         SPEED_LABEL,
         "Amplitude in X [µm peak]",
-        found.orders,
-        found.speeds,
+        run.orders,
+        run.speeds,
         amplitude,
         (AMPLITUDE_FLOOR, max(largest, 10 * AMPLITUDE_FLOOR)),
     )
 
 
-def bifurcation_study(found: RunUp, name: str) -> Study:
+def bifurcation_study(run: RunUp, name: str) -> Study:
     """Return the bifurcation diagram of a run-up: Poincaré points over speed, one point if periodic.
 
     Parameters
     ----------
-    found : RunUp
+    run : RunUp
         The run-up.
     name : str
         Name of the case.
     """
-    wall_remarks = _wall_remarks(found)
-    width = np.ptp(found.stroboscopic, axis=2) / MICROMETRE
+    wall_remarks = _wall_remarks(run)
+    width = np.ptp(run.stroboscopic, axis=2) / MICROMETRE
     return Study(
         f"Bifurcation diagram, {name}",
         {
-            "speed_rad_s": found.speeds,
+            "speed_rad_s": run.speeds,
             "spread_x_um": width[:, 0],
             "spread_y_um": width[:, 1],
-            "overall_um_pp": found.peak_to_peak / MICROMETRE,
-            **_perturbation_columns(found.perturbation),
+            "overall_um_pp": run.peak_to_peak / MICROMETRE,
+            **_perturbation_columns(run.perturbation),
         },
-        (bifurcation_plot(found, f"Bifurcation diagram, {name}"),),
+        (bifurcation_plot(run, f"Bifurcation diagram, {name}"),),
         (
             "spread: range of the positions at theta = 0 over all turns; about 0 for synchronous motion",
             *wall_remarks,
-            *_perturbation_remarks(found),
+            *_perturbation_remarks(run),
         ),
     )
 
 
-def bifurcation_plot(found: RunUp, title: str) -> Plot:
+def bifurcation_plot(run: RunUp, title: str) -> Plot:
     """Return the Poincaré points of a run-up over speed as a plot."""
-    points = found.stroboscopic[:, 0] / MICROMETRE
-    speeds = np.repeat(found.speeds, points.shape[1])
+    points = run.stroboscopic[:, 0] / MICROMETRE
+    speeds = np.repeat(run.speeds, points.shape[1])
     return Plot(title, SPEED_LABEL, "X at θ = 0 [µm]", (Series("", speeds, points.ravel(), Style.POINTS),))

@@ -262,7 +262,7 @@ class Catalogue:
         """Return a cached result of a run; None if there is none for the file in its present state."""
         file = RunFile.from_path(self.path(run_id))
         with suppress(StorageError):  # the result can be computed again
-            return None if file is None else self._store.load_cached(run_id, name, file.size, file.changed_ns)
+            return None if file is None else self._store.load_cached(run_id, name, file.size, file.modified_ns)
         return None
 
     def store_cached(self, run_id: str, name: str, result: dict[str, Any]) -> None:
@@ -270,7 +270,7 @@ class Catalogue:
         file = RunFile.from_path(self.path(run_id))
         with suppress(StorageError):
             if file is not None:
-                self._store.store_cached(run_id, name, file.size, file.changed_ns, result)
+                self._store.store_cached(run_id, name, file.size, file.modified_ns, result)
 
     def _files(self) -> dict[str, RunFile]:
         """Return the run files of the folder by id."""
@@ -319,21 +319,21 @@ class Catalogue:
         annotated = [
             run_id
             for run_id in files
-            if (run_id in ended and files[run_id].remarked_ns)
-            or (run_id in stored and stored[run_id].remarked_ns != files[run_id].remarked_ns)
+            if (run_id in ended and files[run_id].annotations_modified_ns)
+            or (run_id in stored and stored[run_id].annotations_modified_ns != files[run_id].annotations_modified_ns)
         ]
         try:
             self._store.store_entries([fresh[run_id].entry for run_id in ended])
             for run_id in annotated:
                 file = files[run_id]
-                self._store.annotate(run_id, load_annotations(file.path), file.remarked_ns)
+                self._store.annotate(run_id, load_annotations(file.path), file.annotations_modified_ns)
             if ended or annotated:
                 stored = self._store.entries(run_id=only or "")
         except StorageError:  # a full disk: nothing can be stored, but the files can still be read
             fresh |= {run_id: CachedRun.from_file(files[run_id]) for run_id in annotated if run_id not in fresh}
             stored = {run_id: run for run_id, run in stored.items() if run_id not in fresh}
-        found = {run_id: stored[run_id] for run_id in missing if run_id in stored}
-        return found | {run_id: run for run_id, run in fresh.items() if run_id not in found or run.is_growing}
+        entries = {run_id: stored[run_id] for run_id in missing if run_id in stored}
+        return entries | {run_id: run for run_id, run in fresh.items() if run_id not in entries or run.is_growing}
 
     def _summarise(self, entries: Iterable[RunEntry], summarise: Summarise, on_status: Callable[[str], object]) -> None:
         """Store the summaries and markers of runs; a run that cannot be read has none."""

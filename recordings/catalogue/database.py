@@ -64,7 +64,7 @@ RUN = Table(
     Column("folder", String(FOLDER_LENGTH), primary_key=True),
     Column("id", String(ID_LENGTH), primary_key=True),
     Column("size", BigInteger, nullable=False),
-    Column("changed_ns", BigInteger, nullable=False),
+    Column("modified_ns", BigInteger, nullable=False),
     Column("started_ns", BigInteger, nullable=False),
     Column("setup", String(64)),  # null if the file cannot be read
     Column("run", Text, nullable=False, default=""),  # the id in the header: a renamed copy has another file name
@@ -78,7 +78,7 @@ RUN = Table(
     Column("is_gap_free", Boolean, nullable=False),
     Column("fault", Text, nullable=False),
     Column("remark", Text, nullable=False, default=""),  # added after recording
-    Column("remarked_ns", BigInteger, nullable=False, default=0),  # modification time of the annotations file
+    Column("annotations_modified_ns", BigInteger, nullable=False, default=0),
     Column("verdict", String(16), nullable=False, default=""),  # empty if not verified
     Column("is_summarised", Boolean, nullable=False, default=False),
     Column("lowest_speed_rpm", Float),
@@ -127,7 +127,7 @@ CACHED = Table(  # results computed from a run, valid for the file of this size 
     Column("id", String(ID_LENGTH), primary_key=True),
     Column("name", String(64), primary_key=True),
     Column("size", BigInteger, nullable=False),
-    Column("changed_ns", BigInteger, nullable=False),
+    Column("modified_ns", BigInteger, nullable=False),
     Column("document", Text, nullable=False),
 )
 

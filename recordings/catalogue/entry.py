@@ -99,16 +99,16 @@ class RunFile:
         The file.
     size : int
         Bytes.
-    changed_ns : int
+    modified_ns : int
         Modification time of the file, ns since 1970.
-    remarked_ns : int
+    annotations_modified_ns : int
         Modification time of the annotations beside it, ns since 1970; 0 without annotations.
     """
 
     path: Path
     size: int
-    changed_ns: int
-    remarked_ns: int
+    modified_ns: int
+    annotations_modified_ns: int
 
     @classmethod
     def from_path(cls, path: Path, *, may_have_annotations: bool = True) -> Self | None:
@@ -119,11 +119,11 @@ class RunFile:
             return None
         if not stat.S_ISREG(status.st_mode):
             return None
-        remarked_ns = 0
+        annotations_modified_ns = 0
         if may_have_annotations:
             with suppress(OSError):
-                remarked_ns = annotations_path(path).stat().st_mtime_ns
-        return cls(path, status.st_size, status.st_mtime_ns, remarked_ns)
+                annotations_modified_ns = annotations_path(path).stat().st_mtime_ns
+        return cls(path, status.st_size, status.st_mtime_ns, annotations_modified_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ class RunEntry:
     ----------
     path : Path
         The run's file.
-    changed_ns : int
+    modified_ns : int
         Modification time of the file, ns since 1970.
     header : RunHeader or None
         The run's header; None if the file cannot be read.
@@ -151,7 +151,7 @@ class RunEntry:
     id: Annotated[str, NUMBER.of("Id of the run", "run")]
     path: Path
     size: Annotated[int, NUMBER.of("Size of the file, bytes", "size_bytes")]
-    changed_ns: int
+    modified_ns: int
     header: RunHeader | None = None
     duration: float = 0.0
     samples: int = 0
@@ -169,10 +169,10 @@ class RunEntry:
     @property
     def started_ns(self) -> int:
         """Start of the run, ns since 1970; the file's modification time if the header cannot be read."""
-        return self.changed_ns if self.header is None else self.header.started_ns
+        return self.modified_ns if self.header is None else self.header.started_ns
 
 
-def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
+def read_entry(path: Path, size: int, modified_ns: int) -> RunEntry:
     """Return the entry of a file, read from the file alone; a read error becomes the entry's fault."""
     try:
         with RunReader(path) as reader:
@@ -180,7 +180,7 @@ def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
                 path.stem,
                 path,
                 size,
-                changed_ns,
+                modified_ns,
                 header=reader.header,
                 duration=reader.duration,
                 samples=reader.n_samples,
@@ -190,7 +190,7 @@ def read_entry(path: Path, size: int, changed_ns: int) -> RunEntry:
                 calibration=calibration_identity(reader.header.acquisition),
             )
     except RecordingError as error:
-        return RunEntry(path.stem, path, size, changed_ns, fault=str(error))
+        return RunEntry(path.stem, path, size, modified_ns, fault=str(error))
 
 
 def calibration_identity(acquisition: Acquisition) -> str:
@@ -230,7 +230,7 @@ class CachedRun:
     ----------
     entry : RunEntry
         The entry.
-    remarked_ns : int
+    annotations_modified_ns : int
         Modification time of the annotations in the entry, ns since 1970; 0 without annotations.
     revision : int
         Revision of the folder's rows when it was read; -1 if it was read from the file itself.
@@ -241,7 +241,7 @@ class CachedRun:
     """
 
     entry: RunEntry
-    remarked_ns: int
+    annotations_modified_ns: int
     revision: int
     is_summarised: bool = False
     next_read_at: float = 0.0
@@ -250,12 +250,12 @@ class CachedRun:
     def from_file(cls, file: RunFile) -> Self:
         """Return the entry read from the file itself."""
         started = time.monotonic()
-        entry = read_entry(file.path, file.size, file.changed_ns)
-        added = load_annotations(file.path) if file.remarked_ns else Annotations()
+        entry = read_entry(file.path, file.size, file.modified_ns)
+        added = load_annotations(file.path) if file.annotations_modified_ns else Annotations()
         ended = time.monotonic()
         return cls(
             replace(entry, remark=added.remark, tags=added.tags),
-            file.remarked_ns,
+            file.annotations_modified_ns,
             revision=-1,
             next_read_at=ended + READ_INTERVAL_FACTOR * (ended - started),
         )
@@ -264,15 +264,15 @@ class CachedRun:
     def is_growing(self) -> bool:
         """Whether the recording may still be in progress; such an entry is not stored in the database."""
         entry = self.entry
-        age_ns = time.time_ns() - entry.changed_ns
+        age_ns = time.time_ns() - entry.modified_ns
         return self.revision < 0 and not entry.is_complete and age_ns < MAX_WRITE_PAUSE * NANOSECONDS
 
     def is_valid(self, file: RunFile, revision: int) -> bool:
         """Return whether the entry describes the file, or may be used until a growing file is due to be read again."""
         entry = self.entry
-        if self.remarked_ns != file.remarked_ns or self.revision not in (-1, revision):
+        if self.annotations_modified_ns != file.annotations_modified_ns or self.revision not in (-1, revision):
             return False
-        if (entry.size, entry.changed_ns) == (file.size, file.changed_ns):
+        if (entry.size, entry.modified_ns) == (file.size, file.modified_ns):
             return self.revision >= 0 or self.is_growing
         has_grown = not entry.is_complete and entry.header is not None and file.size >= entry.size
         return has_grown and time.monotonic() < self.next_read_at and not has_end_magic(file.path)
@@ -280,14 +280,14 @@ class CachedRun:
     def describes(self, file: RunFile) -> bool:
         """Return whether the entry from the database describes the file in its present state."""
         entry = self.entry
-        is_same = (entry.size, entry.changed_ns) == (file.size, file.changed_ns)
+        is_same = (entry.size, entry.modified_ns) == (file.size, file.modified_ns)
         return is_same and (entry.header is not None or entry.fault != "")
 
 
 def compare(before: Mapping[str, CachedRun], present: Mapping[str, RunEntry]) -> IndexReport:
     """Return how the present runs differ from the catalogue's earlier state."""
-    known = {run_id: (stored.entry.size, stored.entry.changed_ns) for run_id, stored in before.items()}
-    changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.changed_ns)]
+    known = {run_id: (stored.entry.size, stored.entry.modified_ns) for run_id, stored in before.items()}
+    changed = [run_id for run_id, entry in present.items() if known.get(run_id, ()) != (entry.size, entry.modified_ns)]
     return IndexReport(
         new=tuple(sorted(run_id for run_id in changed if run_id not in known)),
         changed=tuple(sorted(run_id for run_id in changed if run_id in known)),

@@ -159,7 +159,9 @@ class RunStore:
             self._load_setups(connection, {row["setup"] for row in rows} - {None})
             tags = self._tags(connection, run_id)
         return {
-            row["id"]: CachedRun(self._entry(row, tags[row["id"]]), row["remarked_ns"], revision, row["is_summarised"])
+            row["id"]: CachedRun(
+                self._entry(row, tags[row["id"]]), row["annotations_modified_ns"], revision, row["is_summarised"]
+            )
             for row in rows
         }
 
@@ -182,10 +184,10 @@ class RunStore:
             known = set(connection.execute(select(SETUP.c.id)).scalars())
             _insert(connection, SETUP, [{"id": key, "document": setups[key]} for key in setups.keys() - known])
 
-    def annotate(self, run_id: str, annotations: Annotations, changed_ns: int) -> None:
+    def annotate(self, run_id: str, annotations: Annotations, modified_ns: int) -> None:
         """Store the annotations of a run, with the modification time of their file, ns since 1970."""
         with self._writing() as connection:
-            values = {"remark": annotations.remark, "remarked_ns": changed_ns}
+            values = {"remark": annotations.remark, "annotations_modified_ns": modified_ns}
             if connection.execute(update(RUN).where(self._is(RUN, run_id)).values(values)).rowcount:
                 self._replace(connection, TAG, run_id, [{"tag": tag} for tag in annotations.tags])
 
@@ -232,7 +234,9 @@ class RunStore:
                     {"number": number, "segment": marker.segment, "sample": marker.sample, "text": marker.text}
                     for number, marker in enumerate(markers)
                 ]
-                is_same = and_(self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.changed_ns == entry.changed_ns)
+                is_same = and_(
+                    self._is(RUN, entry.id), RUN.c.size == entry.size, RUN.c.modified_ns == entry.modified_ns
+                )
                 if connection.execute(update(RUN).where(is_same).values(columns)).rowcount:
                     self._replace(connection, FINDING, entry.id, findings)
                     self._replace(connection, MARKER, entry.id, notes)
@@ -244,9 +248,9 @@ class RunStore:
                 connection.execute(delete(CACHED).where(self._is(CACHED, run_id)))
                 connection.execute(delete(RUN).where(self._is(RUN, run_id)))
 
-    def load_cached(self, run_id: str, name: str, size: int, changed_ns: int) -> dict[str, Any] | None:
+    def load_cached(self, run_id: str, name: str, size: int, modified_ns: int) -> dict[str, Any] | None:
         """Return a result cached for the file of this size and modification time; None if there is none."""
-        of_file = and_(CACHED.c.name == name, CACHED.c.size == size, CACHED.c.changed_ns == changed_ns)
+        of_file = and_(CACHED.c.name == name, CACHED.c.size == size, CACHED.c.modified_ns == modified_ns)
         with self._database.reading() as connection:
             text = connection.execute(select(CACHED.c.document).where(self._is(CACHED, run_id), of_file)).scalar()
         try:
@@ -255,9 +259,9 @@ class RunStore:
             return None
         return result if isinstance(result, dict) else None
 
-    def store_cached(self, run_id: str, name: str, size: int, changed_ns: int, result: Mapping[str, Any]) -> None:
+    def store_cached(self, run_id: str, name: str, size: int, modified_ns: int, result: Mapping[str, Any]) -> None:
         """Cache a result computed from the file of this size and modification time."""
-        row = {"name": name, "size": size, "changed_ns": changed_ns, "document": json.dumps(result)}
+        row = {"name": name, "size": size, "modified_ns": modified_ns, "document": json.dumps(result)}
         with self._database.writing() as connection:  # no part of an entry, so the revision stays
             self._replace(connection, CACHED, run_id, [row], CACHED.c.name == name)
 
@@ -290,7 +294,7 @@ class RunStore:
             "folder": self._name,
             "id": entry.id,
             "size": entry.size,
-            "changed_ns": entry.changed_ns,
+            "modified_ns": entry.modified_ns,
             "started_ns": entry.started_ns,
             "setup": setup,
             "run": "" if header is None else header.run,
@@ -314,7 +318,7 @@ class RunStore:
             id=row["id"],
             path=self._folder / f"{row['id']}.mcap",
             size=row["size"],
-            changed_ns=row["changed_ns"],
+            modified_ns=row["modified_ns"],
             header=header,
             duration=row["duration_s"],
             samples=row["samples"],

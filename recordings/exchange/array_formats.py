@@ -29,16 +29,16 @@ def read_mat(path: Path) -> Table:
     with library_errors(path):
         variables = loadmat(path)
     units = _texts(variables.get(UNITS))
-    found: dict[str, NDArray[np.float64]] = {}
+    arrays: dict[str, NDArray[np.float64]] = {}
     for name, value in variables.items():
         if name.startswith("__") or not _is_numeric(value) or value.size < 2 or value.ndim != 2:
             continue
         if 1 in value.shape:
-            found[name] = value.ravel().astype(np.float64)
+            arrays[name] = value.ravel().astype(np.float64)
         else:
-            found |= {f"{name}:{k}": column.astype(np.float64) for k, column in enumerate(value.T, 1)}
-    longest = max((len(values) for values in found.values()), default=0)
-    columns = [Column(name, units.get(name, ""), values) for name, values in found.items() if len(values) == longest]
+            arrays |= {f"{name}:{k}": column.astype(np.float64) for k, column in enumerate(value.T, 1)}
+    longest = max((len(values) for values in arrays.values()), default=0)
+    columns = [Column(name, units.get(name, ""), values) for name, values in arrays.items() if len(values) == longest]
     scalars = (variables[name] for name in RATES if _is_numeric(variables.get(name)) and variables[name].size == 1)
     rates = (float(np.real(scalar.item())) for scalar in scalars)
     return Table.from_properties(columns, _texts(variables.get(PROPERTIES)), next(rates, None))

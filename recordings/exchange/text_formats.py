@@ -46,8 +46,8 @@ def read_csv(path: Path) -> Table:
         raise ForeignFormatError("has no rows of numbers")
     columns = []
     for name, column in zip(names, np.concatenate(batches).T, strict=True):
-        found = NAME_WITH_UNIT.match(name)
-        bare_name, unit = (found["name"], found["unit"]) if found else (name, "")
+        match = NAME_WITH_UNIT.match(name)
+        bare_name, unit = (match["name"], match["unit"]) if match else (name, "")
         columns.append(Column(bare_name, unit, np.ascontiguousarray(column)))
     times = next((column.values for column in columns if column.name == TIME), None)
     rate = None if times is None or "rate_hz" in properties else _rate_of(times.astype(np.float64))
@@ -167,13 +167,13 @@ def read_lvm(path: Path) -> Table:
     for entries, titles, section in _lvm_sections(lines[header_stop + 1 :], separator):
         n_channels = _lvm_channels(entries) or len(titles) - 1
         indices = range(1, 1 + columns_per_channel * n_channels, columns_per_channel)
-        found = [titles[index] if index < len(titles) else f"{index}" for index in indices]
-        if names and found != names:
-            raise ForeignFormatError(f"sections of different channels: {names} and {found}")
+        channel_names = [titles[index] if index < len(titles) else f"{index}" for index in indices]
+        if names and channel_names != names:
+            raise ForeignFormatError(f"sections of different channels: {names} and {channel_names}")
         expected = max((int(count) for count in entries.get("Samples", []) if count.isdecimal()), default=0)
         if len(section) < expected:
             raise ForeignFormatError(f"is truncated: a section of {len(section):,} rows, expected {expected:,}")
-        names = found
+        names = channel_names
         units = [*entries.get("Y_Unit_Label", []), *[""] * n_channels][:n_channels]
         steps += [_number(text, has_decimal_comma) for text in entries.get("Delta_X", [])[:n_channels]]
         for row in section:

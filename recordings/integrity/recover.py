@@ -121,8 +121,8 @@ class _Salvage:
 
     def __init__(self, container: Container, header: RunHeader) -> None:
         self._file = container
-        found = {chunk.offset: chunk for chunk in (*container.chunks, *search_chunks(container))}
-        self._chunks = [found[offset] for offset in sorted(found)]
+        chunks = {chunk.offset: chunk for chunk in (*container.chunks, *search_chunks(container))}
+        self._chunks = [chunks[offset] for offset in sorted(chunks)]
         self._indexed = {chunk.offset for chunk in container.chunks}
         self._known_ends = self._ends()
         self._acquisition = header.acquisition

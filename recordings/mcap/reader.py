@@ -192,11 +192,11 @@ class RunReader:
             first_chunk = self._container.chunks.last_before(PULSE_CHANNEL, time_ns)
             for message in self._messages(PULSE_CHANNEL, first_chunk):
                 with suppress(MessageError):
-                    found = parse_message(rig_pb2.Pulses(), message.data)
-                    if (found.segment, found.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
+                    pulses = parse_message(rig_pb2.Pulses(), message.data)
+                    if (pulses.segment, pulses.first_sample) >= (segment, stop + MAX_PULSE_DELAY * acquisition.rate):
                         break
-                    if found.segment == segment:
-                        parts.append(np.array(found.ticks, dtype=np.int64))
+                    if pulses.segment == segment:
+                        parts.append(np.array(pulses.ticks, dtype=np.int64))
         ticks = np.concatenate(parts)
         low, high = first * acquisition.ticks_per_sample, stop * acquisition.ticks_per_sample
         return ticks[(ticks >= low) & (ticks < high)]

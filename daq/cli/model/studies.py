@@ -271,10 +271,10 @@ def _run_up_study(
 ) -> Study:
     station = parameters.probe_station if args.station is None else args.station
     perturbation = args.perturbation_um * MICROMETRE
-    found = run_up(
+    computed = run_up(
         parameters, args.speeds_rad_s, args.settle, _turns(args), station=args.station, perturbation=perturbation
     )
-    return plotted(found, f"station {station}")
+    return plotted(computed, f"station {station}")
 
 
 def _motion(parameters: ModelParameters, args: argparse.Namespace) -> Study:
@@ -306,12 +306,12 @@ def run_predict(args: argparse.Namespace, console: TerminalOutput) -> int:
         predictor = predictors.for_rig(rig)
         predictor.wait(PREDICTION_TIMEOUT, lambda state: console.progress(f"model {state}"))
         console.done()
-        found = predictor.map
-        if found is None:
+        computed = predictor.map
+        if computed is None:
             raise RigError(f"no prediction: {predictor.state}")
     if args.quiet:
         return 0
-    predictions = _over_speed(found) if args.speed_rpm is None else [_at_speed(rig, found, args.speed_rpm * RPM)]
+    predictions = _over_speed(computed) if args.speed_rpm is None else [_at_speed(rig, computed, args.speed_rpm * RPM)]
     if args.json:
         print_json([predicted_vibration_schema(prediction) for prediction in predictions])
     else:
@@ -320,22 +320,22 @@ def run_predict(args: argparse.Namespace, console: TerminalOutput) -> int:
     return 0
 
 
-def _over_speed(found: PredictionMap) -> list[Prediction]:
-    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+def _over_speed(prediction_map: PredictionMap) -> list[Prediction]:
+    lowest, highest = float(prediction_map.speeds[0]), float(prediction_map.speeds[-1])
     first = math.ceil(lowest / _SPEED_STEP - 1e-9) * _SPEED_STEP
-    return [found.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _SPEED_STEP)]
+    return [prediction_map.at(min(speed, highest)) for speed in np.arange(first, highest * (1 + 1e-9), _SPEED_STEP)]
 
 
-def _at_speed(rig: Rig, found: PredictionMap, speed: float) -> Prediction:
+def _at_speed(rig: Rig, prediction_map: PredictionMap, speed: float) -> Prediction:
     """Return the settled prediction at a speed, rad/s."""
-    lowest, highest = float(found.speeds[0]), float(found.speeds[-1])
+    lowest, highest = float(prediction_map.speeds[0]), float(prediction_map.speeds[-1])
     if not lowest <= speed <= highest:
         raise UsageError(
             f"--speed {speed / RPM:g}: expected {lowest / RPM:,.0f} to {highest / RPM:,.0f} r/min, "
             "up to limits.speed_rpm"
         )
     try:
-        *_, settled = refine(model_parameters(rig.config), speed, found, rig.settings)
+        *_, settled = refine(model_parameters(rig.config), speed, prediction_map, rig.settings)
     except ModelError as error:
         raise RigError(f"no prediction at {speed / RPM:g} r/min: {error}") from error
     return settled

@@ -145,11 +145,11 @@ def run_thesis(args: argparse.Namespace, console: TerminalOutput) -> int:
 
 def compute_parts(on_progress: Callable[[str], None]) -> list[Part]:
     """Return the chapters of the report; the run-ups of chapter 6 run in local processes."""
-    found: dict[int, CaseResult] = {}
+    results: dict[int, CaseResult] = {}
     for number, outcome in LocalWorkers().run(run_case, CASES):
-        found[number] = outcome
-        on_progress(f"chapter 6: {len(found)} of {len(CASES)} cases")
-    outcomes = tuple(found[number] for number in range(len(CASES)))
+        results[number] = outcome
+        on_progress(f"chapter 6: {len(results)} of {len(CASES)} cases")
+    outcomes = tuple(results[number] for number in range(len(CASES)))
     on_progress("chapters 3 and 5")
     readings = chapter_3_readings()
     return [

@@ -251,10 +251,10 @@ class NiSource:
                     yield self._fault(segment, 0, error)
                     return
                 end = self._with_details((yield from self._segment(segment)))
-                goes_on = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
-                goes_on, end = self._restarts.decide(end, goes_on=goes_on)
+                continues = end.reason is EndReason.OVERRUN and not self._stopping.is_set()
+                continues, end = self._restarts.decide(end, continues=continues)
                 yield end
-                if not goes_on or self._stopping.is_set():
+                if not continues or self._stopping.is_set():
                     return
                 segment += 1
         finally:

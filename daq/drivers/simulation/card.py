@@ -227,10 +227,10 @@ class SimulatedSource:
                 end = SegmentEnd(segment, self._read, EndReason.DEVICE_ERROR, detail=str(error))
             lost = end.lost
             over = self._stopping.is_set() or self._card.n_read + lost >= self._card.n_samples
-            goes_on = end.reason is EndReason.OVERRUN and not over
-            goes_on, end = self._restarts.decide(end, goes_on=goes_on)
+            continues = end.reason is EndReason.OVERRUN and not over
+            continues, end = self._restarts.decide(end, continues=continues)
             yield end
-            if not goes_on or self._stopping.is_set():
+            if not continues or self._stopping.is_set():
                 return
             segment += 1
 

@@ -46,8 +46,8 @@ class SensorRows:
     tacho: int
 
 
-class WiringFault:
-    """A wiring fault; this base class stands for correct wiring.
+class CorrectWiring:
+    """Correct wiring, and the base class of the wiring faults.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class WiringFault:
         """
 
 
-class OpenInput(WiringFault):
+class OpenInput(CorrectWiring):
     """Nothing is connected to an input; its bias resistor pulls it to zero."""
 
     def __init__(self, row: int, seed: int, *, is_tacho: bool = False) -> None:
@@ -111,7 +111,7 @@ class IntermittentContact(OpenInput):
         return lost
 
 
-class ReversedInput(WiringFault):
+class ReversedInput(CorrectWiring):
     """The two wires of an input are exchanged."""
 
     def __init__(self, row: int, *, is_tacho: bool = False) -> None:
@@ -123,7 +123,7 @@ class ReversedInput(WiringFault):
         volts[self._row] *= -1.0
 
 
-class ExchangedInputs(WiringFault):
+class ExchangedInputs(CorrectWiring):
     """Two sensors are connected to each other's inputs."""
 
     def __init__(self, first: int, second: int) -> None:
@@ -134,7 +134,7 @@ class ExchangedInputs(WiringFault):
         volts[self._rows] = volts[self._rows[::-1]]
 
 
-class ConstantOutput(WiringFault):
+class ConstantOutput(CorrectWiring):
     """A conditioner at one end of its output, whatever the shaft does."""
 
     def __init__(self, row: int, volts: tuple[float, float], seed: int) -> None:
@@ -146,7 +146,7 @@ class ConstantOutput(WiringFault):
         volts[self._row] = self._volts + CONDITIONER_NOISE * noise.standard_normal(time.size)
 
 
-class BridgedInputs(WiringFault):
+class BridgedInputs(CorrectWiring):
     """Two inputs touch and have the mean of both signals."""
 
     def __init__(self, first: int, second: int) -> None:
@@ -157,7 +157,7 @@ class BridgedInputs(WiringFault):
         volts[self._rows] = np.mean(volts[self._rows], axis=0) + CONVERTER_NOISE * noise.standard_normal((2, time.size))
 
 
-class WeakTacho(WiringFault):
+class WeakTacho(CorrectWiring):
     """A wrong divider at the tacho's output."""
 
     reaches_counter = False
@@ -171,7 +171,7 @@ class WeakTacho(WiringFault):
         volts[self._row] *= self._part
 
 
-class MainsHum(WiringFault):
+class MainsHum(CorrectWiring):
     """A ground loop that adds mains hum with its third harmonic to both probes."""
 
     def __init__(self, rows: list[int], seed: int) -> None:
@@ -187,8 +187,8 @@ class MainsHum(WiringFault):
         volts[self._rows] += self._volts * (np.sin(angle) + HUM_THIRD * np.sin(3.0 * angle))
 
 
-FAULTS: Final[dict[Miswiring, Callable[[SensorRows, int], WiringFault]]] = {
-    Miswiring.NONE: lambda _rows, _seed: WiringFault(),
+FAULTS: Final[dict[Miswiring, Callable[[SensorRows, int], CorrectWiring]]] = {
+    Miswiring.NONE: lambda _rows, _seed: CorrectWiring(),
     Miswiring.X_OPEN: lambda rows, seed: OpenInput(rows.x, seed),
     Miswiring.Y_OPEN: lambda rows, seed: OpenInput(rows.y, seed),
     Miswiring.X_INTERMITTENT: lambda rows, seed: IntermittentContact(rows.x, seed),

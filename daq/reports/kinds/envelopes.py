@@ -92,9 +92,9 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     if not begin < end:
         raise InsufficientDataError(f"run {run.header.run}: the interval is shorter than {2.0 * INSET:g} s")
     times = np.linspace(begin, end, query.entries)
-    found = solve_orders(run, span, angle, times, chosen)
+    solution = solve_orders(run, span, angle, times, chosen)
     speeds = angle.speed(angle.turns(times)) / RPM
-    sizes, sigma = np.abs(found.envelopes) / MICROMETRE, found.sigma / MICROMETRE
+    sizes, sigma = np.abs(solution.envelopes) / MICROMETRE, solution.sigma / MICROMETRE
     title = f"{run.header.run} · Vold-Kalman · {times[0]:.1f} to {times[-1]:.1f} s"
     caption = f"solved together, band of {chosen.bandwidth_text}; ± {np.median(sigma):.2g} µm (median 1 σ)"
     panels = [
@@ -115,7 +115,7 @@ def analyse_envelopes(run: RunSamples, query: EnvelopesQuery) -> AnalysisResult:
     for probe, name in enumerate("xy"):
         by_probe[f"amplitude_peak_{name}_um"] = sizes[probe].ravel()
         by_probe[f"sigma_peak_{name}_um"] = sigma[probe].ravel()
-        by_probe[f"lag_{name}_deg"] = phase_lag_degrees(found.envelopes[probe]).ravel()
+        by_probe[f"lag_{name}_deg"] = phase_lag_degrees(solution.envelopes[probe]).ravel()
     return AnalysisResult(
         title=title,
         columns=columns(
@@ -145,10 +145,10 @@ def analyse_waveforms(run: RunSamples, query: WaveformsQuery) -> AnalysisResult:
             f"run {run.header.run}: fewer than {query.revolutions} revolutions before {end:.1f} s"
         )
     times = np.asarray(angle.time(turns), dtype=np.float64)
-    found = solve_orders(run, span, angle, times, chosen)
+    solution = solve_orders(run, span, angle, times, chosen)
     turning = np.exp(2j * np.pi * np.array(chosen.orders)[:, None] * turns)
-    waves = (found.envelopes * turning).real / MICROMETRE
-    sigma = float(np.median(found.sigma)) / MICROMETRE
+    waves = (solution.envelopes * turning).real / MICROMETRE
+    sigma = float(np.median(solution.sigma)) / MICROMETRE
     speed = query.revolutions / (times[-1] - times[0]) * 60.0
     title = f"{run.header.run} · order waveforms · {speed:,.0f} r/min at {end:.1f} s"
     caption = f"solved together, band of {chosen.bandwidth_text}; ± {sigma:.2g} µm (median 1 σ); dots: keyphasor mark"
@@ -213,13 +213,13 @@ def solve_orders(
         displacement = run.displacement(SampleRange(span.segment, first, stop), task="")
         sampled = (first + np.arange(displacement.shape[1])) / run.rate
         with translated_errors(f"run {run.header.run}"):
-            found_times, found = probe_envelopes(
+            found_times, solution = probe_envelopes(
                 displacement, run.rate, moved(angle, -first / run.rate), chosen.orders,
                 bandwidth=chosen.hertz, bandwidth_percent=chosen.percent,
                 others=tuple(2.0 * np.pi * frequency * sampled for frequency in chosen.frequencies),
             )  # fmt: skip
         count = len(chosen.orders)
-        for probe, pair in enumerate(found):
+        for probe, pair in enumerate(solution):
             vectors[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.envelopes[:count])
             sigma[probe][:, here] = _between(times[here], found_times + first / run.rate, pair.sigma[:count]).real
         run.report_progress("solving for the orders", float((one + 1) / (number[-1] + 1)))

@@ -83,21 +83,21 @@ def _orbit(prepared: PreparedRecord, query: OrbitQuery, orders: tuple[float, ...
                 prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             ), named
         case OrbitFilter.WITHOUT:
-            found = orbit_without(
+            orbit = orbit_without(
                 prepared.record, orders, revolutions=query.revolutions, averaging_revolutions=AVERAGED_REVOLUTIONS
             )
-            return found, f"not-{named}"
+            return orbit, f"not-{named}"
 
 
-def _timebase(found: Orbit, begin: float) -> Panel:
+def _timebase(orbit: Orbit, begin: float) -> Panel:
     """Return a plot of X and Y over time with the keyphasor mark."""
-    times = (found.times - begin) / MILLISECOND
+    times = (orbit.times - begin) / MILLISECOND
     curves = [
         Curve(name, times.ravel().tolist(), (row / MICROMETRE).ravel().tolist(), colour=colour)
-        for colour, (name, row) in enumerate(zip(("X", "Y"), found.motion, strict=True))
+        for colour, (name, row) in enumerate(zip(("X", "Y"), orbit.motion, strict=True))
     ]
     marks = [
-        Curve("", times[:, 0].tolist(), (row / MICROMETRE).tolist(), Style.KEYPHASOR) for row in found.keyphasor_points
+        Curve("", times[:, 0].tolist(), (row / MICROMETRE).tolist(), Style.KEYPHASOR) for row in orbit.keyphasor_points
     ]
     return Panel(
         "time base, dots: keyphasor mark", "time, ms", "displacement, µm", (*curves, *marks), y_from_zero=False
@@ -108,11 +108,11 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
     """Return the shaft positions at the keyphasor mark in the last revolutions before a time."""
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
-        found = poincare_section(prepared.record)
-    points = found.points / MICROMETRE
+        section = poincare_section(prepared.record)
+    points = section.points / MICROMETRE
     title = f"{run.header.run} · Poincaré section{prepared.title_suffix} · {prepared.position}"
-    pattern = _pattern(found)
-    scatter = found.scatter / MICROMETRE
+    pattern = _pattern(section)
+    scatter = section.scatter / MICROMETRE
     caption = f"{query.revolutions} turns: {pattern}; scatter {scatter:.3g} µm RMS"
     dots = Curve("", points[0].tolist(), points[1].tolist(), Style.DOTS)
     return AnalysisResult(
@@ -120,27 +120,29 @@ def analyse_poincare(run: RunSamples, query: PoincareQuery) -> AnalysisResult:
         columns=columns(
             revolution=np.arange(points.shape[1]),
             time_s=prepared.record.times[:-1],
-            speed_rpm=found.speeds / RPM,
+            speed_rpm=section.speeds / RPM,
             X_um=points[0],
             Y_um=points[1],
         ),
         panels=(Panel(title, "X at the mark, µm", "Y at the mark, µm", (dots,), caption, is_square=True),),
         scalars={
-            "period": float(found.period),
+            "period": float(section.period),
             "scatter_um": scatter,
-            "order": found.order,
-            "order_sigma": found.order_sigma,
-            "revolutions_needed": float(found.revolutions_needed),
+            "order": section.order,
+            "order_sigma": section.order_sigma,
+            "revolutions_needed": float(section.revolutions_needed),
             **prepared.scalars,
         },
         remarks=(f"pattern of the points: {pattern}", *prepared.remarks),
     )
 
 
-def _pattern(found: PoincareSection) -> str:
-    numerator = round(found.order * found.period) if found.period > 1 else 1
-    pattern = PATTERNS[found.pattern].format(period=found.period, numerator=numerator, needed=found.revolutions_needed)
-    order = "" if math.isnan(found.order) else f" ({found.order:.4f} ± {2.0 * found.order_sigma:.1g}X)"
+def _pattern(section: PoincareSection) -> str:
+    numerator = round(section.order * section.period) if section.period > 1 else 1
+    pattern = PATTERNS[section.pattern].format(
+        period=section.period, numerator=numerator, needed=section.revolutions_needed
+    )
+    order = "" if math.isnan(section.order) else f" ({section.order:.4f} ± {2.0 * section.order_sigma:.1g}X)"
     return pattern + order
 
 
@@ -185,12 +187,12 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
     rest, reference = _rest_position(prepared, query)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        found = centreline(prepared.record, rest, clearance, revolutions=query.revolutions)
-    x, y = found.positions / MICROMETRE
-    sigma, speeds = found.sigma / MICROMETRE, found.speeds / RPM
+        shaft_centreline = centreline(prepared.record, rest, clearance, revolutions=query.revolutions)
+    x, y = shaft_centreline.positions / MICROMETRE
+    sigma, speeds = shaft_centreline.sigma / MICROMETRE, shaft_centreline.speeds / RPM
     title = f"{run.header.run} · shaft centreline · {prepared.position}"
     caption = f"{reference}; ± {np.median(sigma):.2g} µm (1 σ); circle: clearance of {clearance / MICROMETRE:g} µm"
-    around, above = (found.circle() / MICROMETRE).tolist()
+    around, above = (shaft_centreline.circle() / MICROMETRE).tolist()
     notes: list[tuple[str, float, float]] = []
     for speed, across, up in zip(speeds.tolist(), x.tolist(), y.tolist(), strict=True):
         if all(np.hypot(across - a, up - b) > LABEL_SPACING * clearance / MICROMETRE for _, a, b in notes):
@@ -200,15 +202,15 @@ def analyse_centreline(run: RunSamples, query: CentrelineQuery) -> AnalysisResul
         (Curve("", x.tolist(), y.tolist()), Curve("", around, above, Style.GUIDE)), caption, is_square=True,
         notes=tuple(notes),
     )  # fmt: skip
-    outside = int(np.count_nonzero(found.eccentricity_ratio > 1.0 + REFERENCE_TOLERANCE))
+    outside = int(np.count_nonzero(shaft_centreline.eccentricity_ratio > 1.0 + REFERENCE_TOLERANCE))
     remarks = (
         () if not outside else (f"{outside} positions outside the clearance: rest position or clearance is wrong",)
     )
     return AnalysisResult(
         title=title,
         columns=columns(
-            time_s=found.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
-            eccentricity_ratio=found.eccentricity_ratio, attitude_deg=np.degrees(found.attitude),
+            time_s=shaft_centreline.times, speed_rpm=speeds, X_um=x, Y_um=y, X_sigma_um=sigma[0], Y_sigma_um=sigma[1],
+            eccentricity_ratio=shaft_centreline.eccentricity_ratio, attitude_deg=np.degrees(shaft_centreline.attitude),
         ),
         panels=(panel,),
         scalars=prepared.scalars,

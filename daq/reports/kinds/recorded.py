@@ -61,16 +61,16 @@ def recorded_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analy
 def recorded_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> AnalysisResult:
     """Return the forward and backward components of the frame nearest to a time or speed."""
     snapshot, frame = run.recorded_frame(query)
-    found = full_spectrum(frame.orders, frame.spectrum, run.pair)
-    sizes, forward, backward = found.amplitudes / MICROMETRE, np.abs(found.forward), np.abs(found.backward)
+    sides = full_spectrum(frame.orders, frame.spectrum, run.pair)
+    sizes, forward, backward = sides.amplitudes / MICROMETRE, np.abs(sides.forward), np.abs(sides.backward)
     uncertain = np.concatenate(
-        [(found.uncertain & (backward <= forward))[:0:-1], found.uncertain & (forward <= backward)]
+        [(sides.uncertain & (backward <= forward))[:0:-1], sides.uncertain & (forward <= backward)]
     )
     title = _title(run, "full spectrum", snapshot, frame)
-    axis = found.axis.tolist()
+    axis = sides.axis.tolist()
     return AnalysisResult(
         title=title,
-        columns=columns(order=found.axis, amplitude_peak_um=sizes, uncertain=np.where(uncertain, "yes", "no")),
+        columns=columns(order=sides.axis, amplitude_peak_um=sizes, uncertain=np.where(uncertain, "yes", "no")),
         panels=tuple(spectrum(title, FULL_SPECTRUM_LABEL, PEAK_UNIT, axis, [("", sizes.tolist())])),
         scalars=_frame_scalars(snapshot, frame),
         representative_rows=peaks(sizes),
@@ -201,11 +201,11 @@ def _values(by_probe: FloatArray) -> tuple[Values, Values]:
 
 def recorded_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     """Return order spectra over speed, from 0 to the highest speed."""
-    found = run.history()
-    if not np.isfinite(found.frame_speed).any():
+    history = run.history()
+    if not np.isfinite(history.frame_speed).any():
         raise DataNotFoundError("no order spectrum in the run")
-    width = np.nanmax(found.frame_speed) / query.rows
-    row_of = _bins(found.frame_speed, width, query.rows)
+    width = np.nanmax(history.frame_speed) / query.rows
+    row_of = _bins(history.frame_speed, width, query.rows)
     feet = (np.unique(row_of[row_of >= 0]) + 0.5) * width / RPM
     orders, sizes = _largest(run, query, row_of)
     title = f"{run.header.run} · recorded cascade"
@@ -214,19 +214,19 @@ def recorded_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
 
 def recorded_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
     """Return order spectra over a time interval, by default of the longest segment."""
-    found = run.history()
-    has_frame = np.isfinite(found.frame_speed)
-    longest = int(np.bincount(found.segment[has_frame]).argmax()) if has_frame.any() else 0
+    history = run.history()
+    has_frame = np.isfinite(history.frame_speed)
+    longest = int(np.bincount(history.segment[has_frame]).argmax()) if has_frame.any() else 0
     segment = longest if query.segment is None else query.segment
     end = np.inf if query.duration_s is None else query.from_s + query.duration_s
-    chosen = has_frame & (found.segment == segment) & (found.time >= query.from_s) & (found.time <= end)
+    chosen = has_frame & (history.segment == segment) & (history.time >= query.from_s) & (history.time <= end)
     if not chosen.any():
         raise DataNotFoundError(f"no order spectrum in segment {segment} from {query.from_s:g} s")
-    passed = np.where(chosen, found.time - query.from_s, np.nan)
+    passed = np.where(chosen, history.time - query.from_s, np.nan)
     width = max(np.nanmax(passed) / query.rows, 1e-9)
     row_of = _bins(passed, width, query.rows)
     rows = np.unique(row_of[row_of >= 0])
-    speeds = np.array([found.frame_speed[row_of == row].mean() for row in rows]) / RPM
+    speeds = np.array([history.frame_speed[row_of == row].mean() for row in rows]) / RPM
     feet = query.from_s + (rows + 0.5) * width
     orders, sizes = _largest(run, query, row_of)
     title = f"{run.header.run} · recorded waterfall"

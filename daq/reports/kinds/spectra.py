@@ -41,19 +41,19 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
     """Return the order spectrum of the last revolutions before a time."""
     prepared = record_before_frame(run, query, query.revolutions, query.highest_order)
     with translated_errors(f"run {run.header.run}"):
-        found = order_map(
+        spectra = order_map(
             prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order,
             window=WINDOWS[query.window],
         )  # fmt: skip
-    size = found.amplitudes(query.scaling)[:, 0] / MICROMETRE
-    sigma = float(noise_floor_sigma(found.noise)[0])
-    vectors = found.spectrum[:, 0]
+    size = spectra.amplitudes(query.scaling)[:, 0] / MICROMETRE
+    sigma = float(noise_floor_sigma(spectra.noise)[0])
+    vectors = spectra.spectrum[:, 0]
     lag = phase_lag_degrees(vectors)
-    angle = found.orders * found.angle_sigma[0]  # the phase error of an order is the angle error times the order
+    angle = spectra.orders * spectra.angle_sigma[0]  # the phase error of an order is the angle error times the order
     lag_sigma = np.degrees(phase_sigma(np.abs(vectors), np.full(vectors.shape, sigma), angle, 1.0))
     name = query.scaling.value.replace("-", "_")
     table = {
-        "order": found.orders,
+        "order": spectra.orders,
         f"amplitude_{name}_x_um": size[0],
         "lag_x_deg": lag[0],
         "lag_sigma_x_deg": lag_sigma[0],
@@ -69,11 +69,13 @@ def analyse_order_spectrum(run: RunSamples, query: OrderSpectrumQuery) -> Analys
         title=title,
         columns=columns(**table),
         panels=tuple(
-            spectrum(title, "order", UNITS[query.scaling], found.orders.tolist(), rows, caption, WINDOWS[query.window])
+            spectrum(
+                title, "order", UNITS[query.scaling], spectra.orders.tolist(), rows, caption, WINDOWS[query.window]
+            )
         ),
-        scalars={f"sigma_{name}_um": scaled, "noise_peak_um": float(found.noise[0]) / MICROMETRE, **prepared.scalars},
+        scalars={f"sigma_{name}_um": scaled, "noise_peak_um": float(spectra.noise[0]) / MICROMETRE, **prepared.scalars},
         remarks=(
-            *(_components(probe, found.orders.tolist(), row, WINDOWS[query.window]) for probe, row in rows),
+            *(_components(probe, spectra.orders.tolist(), row, WINDOWS[query.window]) for probe, row in rows),
             *prepared.remarks,
         ),
         representative_rows=peaks(size.max(axis=0)),
@@ -94,10 +96,10 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
             prepared.record, revolutions=query.revolutions, overlap=0.0, highest_order=query.highest_order
         )
     mismatch = probe_mismatch(lines)
-    found = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
-    size = found.amplitudes / MICROMETRE
-    smaller = found.uncertain & (np.abs(found.backward) <= np.abs(found.forward))
-    larger = found.uncertain & ~smaller
+    spectra = full_spectrum(lines.orders, lines.spectrum[:, 0], lines.pair, mismatch)
+    size = spectra.amplitudes / MICROMETRE
+    smaller = spectra.uncertain & (np.abs(spectra.backward) <= np.abs(spectra.forward))
+    larger = spectra.uncertain & ~smaller
     uncertain = np.where(np.concatenate([smaller[:0:-1], larger]), "yes", "no")
     sigma = float(noise_floor_sigma(lines.noise)[0]) / np.sqrt(2.0) / MICROMETRE
     scalars = {"sigma_peak_um": sigma, **prepared.scalars}
@@ -107,10 +109,10 @@ def analyse_full_spectrum(run: RunSamples, query: FullSpectrumQuery) -> Analysis
     caption = f"hann window over {query.revolutions} revolutions; ± {sigma:.3g} µm (1 σ of the noise)"
     return AnalysisResult(
         title=title,
-        columns=columns(order=found.axis, amplitude_peak_um=size, uncertain=uncertain),
+        columns=columns(order=spectra.axis, amplitude_peak_um=size, uncertain=uncertain),
         panels=tuple(
             spectrum(
-                title, FULL_SPECTRUM_LABEL, UNITS[Scaling.PEAK], found.axis.tolist(), [("", size.tolist())], caption
+                title, FULL_SPECTRUM_LABEL, UNITS[Scaling.PEAK], spectra.axis.tolist(), [("", size.tolist())], caption
             )
         ),
         scalars=scalars,
@@ -125,14 +127,14 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
     displacement = run.displacement(span)
     run.report_progress("computing")
     with translated_errors(f"run {run.header.run}"):
-        found = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
-    is_shown = found.frequencies <= query.highest_hz
-    frequencies, (x, y) = found.frequencies[is_shown], found.amplitudes[:, is_shown] / MICROMETRE
+        spectra = frequency_spectrum(displacement, run.rate, resolution=query.resolution_hz)
+    is_shown = spectra.frequencies <= query.highest_hz
+    frequencies, (x, y) = spectra.frequencies[is_shown], spectra.amplitudes[:, is_shown] / MICROMETRE
     begin, end = span.first / run.rate, span.stop / run.rate
     title = f"{run.header.run} · frequency spectrum · {begin:.1f} to {end:.1f} s"
     caption = (
-        f"hann window, lines of {found.noise_bandwidth:.3g} Hz, mean of {found.frames}; "
-        f"noise ± {100 * found.relative_sigma:.0f} % (1 σ)"
+        f"hann window, lines of {spectra.noise_bandwidth:.3g} Hz, mean of {spectra.frames}; "
+        f"noise ± {100 * spectra.relative_sigma:.0f} % (1 σ)"
     )
     rows = [("x", x.tolist()), ("y", y.tolist())]
     return AnalysisResult(
@@ -140,9 +142,9 @@ def analyse_frequency_spectrum(run: RunSamples, query: FrequencySpectrumQuery) -
         columns=columns(frequency_hz=frequencies, amplitude_peak_x_um=x, amplitude_peak_y_um=y),
         panels=tuple(spectrum(title, "frequency, Hz", UNITS[Scaling.PEAK], frequencies.tolist(), rows, caption)),
         scalars={
-            "noise_bandwidth_hz": found.noise_bandwidth,
-            "frames": float(found.frames),
-            "relative_sigma": found.relative_sigma,
+            "noise_bandwidth_hz": spectra.noise_bandwidth,
+            "frames": float(spectra.frames),
+            "relative_sigma": spectra.relative_sigma,
         },
         representative_rows=peaks(np.maximum(x, y)),
     )
@@ -191,24 +193,24 @@ class _Spectra:
 
 def analyse_cascade(run: RunSamples, query: CascadeQuery) -> AnalysisResult:
     """Return the largest amplitudes of each speed bin."""
-    found = _spectra(run, query)
-    number = np.round(found.speeds / query.width_rpm)
+    spectra = _spectra(run, query)
+    number = np.round(spectra.speeds / query.width_rpm)
     if not np.isfinite(number).any():
         raise InsufficientDataError(f"run {run.header.run}: the speed is unknown over the whole interval")
-    feet, sizes = _largest(found, number)
-    guides = _guides(query.lines, feet * query.width_rpm, float(found.axis[-1]))
+    feet, sizes = _largest(spectra, number)
+    guides = _guides(query.lines, feet * query.width_rpm, float(spectra.axis[-1]))
     by_row = {"speed_rpm": feet * query.width_rpm}
-    return _result(run, query, found, "cascade", by_row, sizes, guides)
+    return _result(run, query, spectra, "cascade", by_row, sizes, guides)
 
 
 def analyse_waterfall(run: RunSamples, query: WaterfallQuery) -> AnalysisResult:
     """Return the largest amplitudes of each time bin."""
-    found = _spectra(run, query)
-    width = max((found.times[-1] - found.times[0]) / query.rows, 1e-9)
-    number = np.minimum(np.floor((found.times - found.times[0]) / width), query.rows - 1)
-    feet, sizes = _largest(found, number)
-    times = found.times[0] + (feet + 0.5) * width
-    return _result(run, query, found, "waterfall", {"time_s": times}, sizes, ())
+    spectra = _spectra(run, query)
+    width = max((spectra.times[-1] - spectra.times[0]) / query.rows, 1e-9)
+    number = np.minimum(np.floor((spectra.times - spectra.times[0]) / width), query.rows - 1)
+    feet, sizes = _largest(spectra, number)
+    times = spectra.times[0] + (feet + 0.5) * width
+    return _result(run, query, spectra, "waterfall", {"time_s": times}, sizes, ())
 
 
 def _spectra(run: RunSamples, query: MapQuery) -> _Spectra:
@@ -239,24 +241,24 @@ def _of_frequencies(run: RunSamples, query: MapQuery) -> _Spectra:
     run.report_progress("computing")
     begin = span.first / run.rate
     with translated_errors(f"run {run.header.run}"):
-        found = frequency_map(displacement, run.rate, None, resolution=query.resolution_hz, highest=query.highest_hz)
+        spectra = frequency_map(displacement, run.rate, None, resolution=query.resolution_hz, highest=query.highest_hz)
     length = 1.0 / query.resolution_hz
-    times = found.times + begin
+    times = spectra.times + begin
     speeds = np.full(times.size, np.nan)
     if angle is not None:
         speeds = 60.0 * (angle.turns(times + 0.5 * length) - angle.turns(times - 0.5 * length)) / length
-    caption = f"hann window, lines of {found.noise_bandwidth:.3g} Hz, µm zero-to-peak; a changing speed smears orders"
-    sigma = found.sigma / MICROMETRE
-    sizes = found.amplitudes.max(axis=0) / MICROMETRE
-    return _Spectra(found.frequencies, sizes, times, speeds, sigma, "frequency {}", caption, remarks)
+    caption = f"hann window, lines of {spectra.noise_bandwidth:.3g} Hz, µm zero-to-peak; a changing speed smears orders"
+    sigma = spectra.sigma / MICROMETRE
+    sizes = spectra.amplitudes.max(axis=0) / MICROMETRE
+    return _Spectra(spectra.frequencies, sizes, times, speeds, sigma, "frequency {}", caption, remarks)
 
 
-def _largest(found: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _largest(spectra: _Spectra, number: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the bins with spectra and the largest amplitudes of each."""
     bins = np.unique(number[np.isfinite(number)])
     if bins.size > MAX_ROWS:
         raise RequestTooLargeError(f"{bins.size} spectra, expected at most {MAX_ROWS}: request wider bins")
-    return bins, np.stack([found.sizes[number == one].max(axis=0) for one in bins])
+    return bins, np.stack([spectra.sizes[number == one].max(axis=0) for one in bins])
 
 
 def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve, ...]:
@@ -273,13 +275,13 @@ def _guides(lines: MapLines, speeds: FloatArray, highest: float) -> tuple[Curve,
 
 
 def _result(
-    run: RunSamples, query: MapQuery, found: _Spectra, name: str, by_row: Mapping[str, FloatArray], sizes: FloatArray,
+    run: RunSamples, query: MapQuery, spectra: _Spectra, name: str, by_row: Mapping[str, FloatArray], sizes: FloatArray,
     guides: tuple[Curve, ...],
 ) -> AnalysisResult:  # fmt: skip
-    scalars = {"sigma_peak_um": float(np.median(found.sigma)), "frames": float(found.times.size)}
-    title = f"{run.header.run} · {found.title.format(name)}"
-    result = map_result(title, query.lines, found.axis, by_row, sizes, found.caption, guides)
-    return replace(result, scalars=scalars, remarks=found.remarks)
+    scalars = {"sigma_peak_um": float(np.median(spectra.sigma)), "frames": float(spectra.times.size)}
+    title = f"{run.header.run} · {spectra.title.format(name)}"
+    result = map_result(title, query.lines, spectra.axis, by_row, sizes, spectra.caption, guides)
+    return replace(result, scalars=scalars, remarks=spectra.remarks)
 
 
 def map_result(

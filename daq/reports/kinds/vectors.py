@@ -50,9 +50,9 @@ def _vectors(
     title = f"{run.header.run} · {prepared.position}"
     made = f"{query.revolutions} revolutions per vector, bins of {query.width_rpm:g} r/min"
     caption = f"{what}: {made}; ± {sigma:.2g} µm (median 1 σ)"
-    found = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
+    resonances = [(curve, probe, one) for curve in curves for probe in (0, 1) for one in _resonances(curve, probe)]
     scalars = {"sigma_peak_um": sigma, **prepared.scalars}
-    largest = max(found, key=lambda each: each[2].amplitude, default=None)
+    largest = max(resonances, key=lambda each: each[2].amplitude, default=None)
     if largest is not None:
         scalars |= {
             "resonance_rpm": largest[2].speed / RPM,
@@ -72,7 +72,7 @@ def _vectors(
         ),
         panels=tuple(drawn(title, what, ramps, caption)),
         scalars=scalars,
-        remarks=(*(_resonance(*each) for each in found), *neighbour_remarks(track), *prepared.remarks),
+        remarks=(*(_resonance(*each) for each in resonances), *neighbour_remarks(track), *prepared.remarks),
     )
 
 
@@ -91,13 +91,13 @@ def neighbour_remarks(track: OrderTrack) -> list[str]:
 
 
 def _by_probe(curves: tuple[SpeedCurve, ...]) -> dict[str, list[np.ndarray]]:
-    found: dict[str, list[np.ndarray]] = {}
+    curve_columns: dict[str, list[np.ndarray]] = {}
     for probe, name in enumerate("xy"):
-        found[f"amplitude_peak_{name}_um"] = [curve.amplitudes[probe] / MICROMETRE for curve in curves]
-        found[f"sigma_peak_{name}_um"] = [curve.sigma[probe] / MICROMETRE for curve in curves]
-        found[f"lag_{name}_deg"] = [phase_lag_degrees(curve.vectors[probe]) for curve in curves]
-        found[f"lag_sigma_{name}_deg"] = [np.degrees(curve.phase_sigma[probe]) for curve in curves]
-    return found
+        curve_columns[f"amplitude_peak_{name}_um"] = [curve.amplitudes[probe] / MICROMETRE for curve in curves]
+        curve_columns[f"sigma_peak_{name}_um"] = [curve.sigma[probe] / MICROMETRE for curve in curves]
+        curve_columns[f"lag_{name}_deg"] = [phase_lag_degrees(curve.vectors[probe]) for curve in curves]
+        curve_columns[f"lag_sigma_{name}_deg"] = [np.degrees(curve.phase_sigma[probe]) for curve in curves]
+    return curve_columns
 
 
 def _ramp_curve(curve: SpeedCurve, arrow: str) -> RampCurve:

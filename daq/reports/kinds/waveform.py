@@ -76,7 +76,7 @@ def _parts(run: RunSamples, span: SampleRange, interval: float) -> list[tuple[Ov
     if count == 0:
         raise InsufficientDataError(f"run {run.header.run}: the requested time is shorter than {interval:g} s")
     together = max(run.chunk_size // size, 1)
-    found = []
+    parts = []
     for low in range(0, count, together):
         first = span.first + low * size
         piece = SampleRange(span.segment, first, span.first + min(low + together, count) * size)
@@ -84,9 +84,9 @@ def _parts(run: RunSamples, span: SampleRange, interval: float) -> list[tuple[Ov
             part = overall(
                 run.displacement(piece, task=""), run.rate, run.header.limits.clearance, interval=size / run.rate
             )
-        found.append((part, first / run.rate))
+        parts.append((part, first / run.rate))
         run.report_progress("reading samples", min(low + together, count) / count)
-    return found
+    return parts
 
 
 FloatArray = NDArray[np.float64]
@@ -98,14 +98,14 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
     """Return the synchronous average before a time, and the RMS residual about it."""
     prepared = record_before_frame(run, query, query.revolutions)
     with translated_errors(f"run {run.header.run}"):
-        found = synchronous_average(prepared.record)
-    mean = (found.waveform - found.waveform.mean(axis=1, keepdims=True)) / MICROMETRE
-    rest = (prepared.record.waveform - found.waveform[:, None]) / MICROMETRE
+        average = synchronous_average(prepared.record)
+    mean = (average.waveform - average.waveform.mean(axis=1, keepdims=True)) / MICROMETRE
+    rest = (prepared.record.waveform - average.waveform[:, None]) / MICROMETRE
     residual = np.sqrt(np.mean(rest**2, axis=1))
-    sigma = found.sigma / MICROMETRE
+    sigma = average.sigma / MICROMETRE
     degrees = np.arange(mean.shape[1]) * 360.0 / mean.shape[1]
     title = f"{run.header.run} · synchronous average{prepared.title_suffix} · {prepared.position}"
-    caption = f"mean of {found.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
+    caption = f"mean of {average.revolutions} turns; ± {sigma[0]:.2g} µm at x, ± {sigma[1]:.2g} µm at y (1 σ)"
     return AnalysisResult(
         title=title,
         columns=columns(
@@ -126,27 +126,27 @@ def analyse_synchronous_average(run: RunSamples, query: AverageQuery) -> Analysi
 
 def analyse_slow_roll(run: RunSamples, query: SlowRollQuery) -> AnalysisResult:
     """Return the run-out measured in the slow roll of the run."""
-    found = run.slow_roll(query.segment, query.slow_roll_rpm, MIN_POINTS)
-    waveform, sigma = found.waveform / MICROMETRE, found.sigma / MICROMETRE
+    slow_roll = run.slow_roll(query.segment, query.slow_roll_rpm, MIN_POINTS)
+    waveform, sigma = slow_roll.waveform / MICROMETRE, slow_roll.sigma / MICROMETRE
     degrees = np.arange(waveform.shape[1]) * 360.0 / waveform.shape[1]
-    title = f"{run.header.run} · run-out · {found.slowest / RPM:,.0f} to {found.fastest / RPM:,.0f} r/min"
-    x, y = found.peak_to_peak / MICROMETRE
+    title = f"{run.header.run} · run-out · {slow_roll.slowest / RPM:,.0f} to {slow_roll.fastest / RPM:,.0f} r/min"
+    x, y = slow_roll.peak_to_peak / MICROMETRE
     size = f"x {x:.3g} ± {sigma[0]:.2g}, y {y:.3g} ± {sigma[1]:.2g} µm peak-to-peak"
-    verdict = "" if found.drift <= 0.2 else "; THE SHAFT MOVED: 1X drifted"
-    one = found.vectors(1)
+    verdict = "" if slow_roll.drift <= 0.2 else "; THE SHAFT MOVED: 1X drifted"
+    one = slow_roll.vectors(1)
     return AnalysisResult(
         title=title,
         columns=columns(angle_deg=degrees, runout_x_um=waveform[0], runout_y_um=waveform[1]),
-        panels=(_over_angle(title, "µm", degrees, waveform, f"{found.revolutions} turns; {size}{verdict}"),),
+        panels=(_over_angle(title, "µm", degrees, waveform, f"{slow_roll.revolutions} turns; {size}{verdict}"),),
         scalars={
-            "revolutions": float(found.revolutions),
-            "speed_min_rpm": found.slowest / RPM,
-            "speed_max_rpm": found.fastest / RPM,
+            "revolutions": float(slow_roll.revolutions),
+            "speed_min_rpm": slow_roll.slowest / RPM,
+            "speed_max_rpm": slow_roll.fastest / RPM,
             "runout_sigma_x_um": float(sigma[0]),
             "runout_sigma_y_um": float(sigma[1]),
             "amplitude_peak_x_um": abs(one[0]) / MICROMETRE,
             "amplitude_peak_y_um": abs(one[1]) / MICROMETRE,
-            "slow_roll_drift": found.drift,
+            "slow_roll_drift": slow_roll.drift,
         },
         remarks=("amplitude: 1X of the run-out",),
     )

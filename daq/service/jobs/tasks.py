@@ -224,10 +224,10 @@ def prediction_job(report: ProgressCallback, _target: Path, catalogue: Catalogue
     config = read_recorded_config(header.config_toml, f"configuration of run {header.run}")
     config = config.model_copy(update={"model": config.model.model_copy(update=_model_changes(request))})
     model = model_parameters(config), default_map_speeds(header.limits.speed), header.settings
-    found = load_or_compute(
+    prediction_map = load_or_compute(
         lambda done, total: report("computing speed by speed", done / total), map_file(*model), *model
     )
-    by_speed = tuple(predicted_vibration_schema(found.at(speed)) for speed in found.speeds.tolist())
+    by_speed = tuple(predicted_vibration_schema(prediction_map.at(speed)) for speed in prediction_map.speeds.tolist())
     return PredictionMapSchema(run=header.run, by_speed=by_speed)
 
 

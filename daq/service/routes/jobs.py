@@ -136,8 +136,8 @@ async def delete_job(state: State, job: JobId) -> JobSchema:
 )
 async def stream_job(state: State, request: Request, job: JobId) -> Response:
     """Send server-sent events of type `job` with the job's JSON as data, until the job ends."""
-    found = await state.lookups.run(state.jobs.job, job)
-    return state.job_changes.event_response(request, "job", _texts(state, found))
+    current = await state.lookups.run(state.jobs.job, job)
+    return state.job_changes.event_response(request, "job", _texts(state, current))
 
 
 async def _texts(state: ServiceState, job: JobSchema) -> AsyncIterator[str]:

@@ -69,10 +69,10 @@ async def list_runs(state: State, query: Annotated[RunQuery, Query()]) -> RunLis
     """
     search = query.search()
     if search == Search():
-        found = await state.lookups.run(state.catalogue.runs)
+        entries = await state.lookups.run(state.catalogue.runs)
     else:
-        found = await state.lookups.run(state.catalogue.search, search)
-    chosen = query.matching(found)
+        entries = await state.lookups.run(state.catalogue.search, search)
+    chosen = query.matching(entries)
     return run_list_schema(chosen[query.offset :][: query.limit], len(chosen), query.limit, query.offset)
 
 

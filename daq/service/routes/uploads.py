@@ -82,8 +82,8 @@ async def get_upload(state: State, upload: UploadId) -> UploadSchema:
 )
 async def get_upload_columns(state: State, upload: UploadId) -> ColumnsSchema:
     """Read the file and return what a mapping needs: names, units and ranges of its columns, and its rate."""
-    found = await state.lookups.run(state.uploads.upload, upload)
-    return await state.result_threads.run(state.results.columns, state.uploads.path(found), found.name)
+    stored = await state.lookups.run(state.uploads.upload, upload)
+    return await state.result_threads.run(state.results.columns, state.uploads.path(stored), stored.name)
 
 
 @router.delete(

@@ -146,14 +146,14 @@ class BlockRing:
         slot = self._slots[index % self._header.slots]
         if slot["index"] != index:
             return None
-        found = slot.copy()
+        copied = slot.copy()
         if slot["index"] != index:  # overwritten during the copy
             return None
-        segment, first, n_samples, host_time, backlog, n_ticks, before = found["meta"].tolist()
-        if found["end"]:
-            return segment_end_from_json(json.loads(found["end"])), before
-        ticks = None if n_ticks == _NO_COUNTER else found["ticks"][:n_ticks].copy()
-        codes = np.ascontiguousarray(found["codes"][:, :n_samples])
+        segment, first, n_samples, host_time, backlog, n_ticks, before = copied["meta"].tolist()
+        if copied["end"]:
+            return segment_end_from_json(json.loads(copied["end"])), before
+        ticks = None if n_ticks == _NO_COUNTER else copied["ticks"][:n_ticks].copy()
+        codes = np.ascontiguousarray(copied["codes"][:, :n_samples])
         return SampleBlock(codes, segment, first, host_time, backlog, ticks), before
 
 
@@ -187,10 +187,10 @@ class RingReader:
         while self._next < self._ring.published:
             if self.lag > self._ring.n_slots:  # overwritten: continue half a ring behind the writer
                 self._next = self._ring.published - self._ring.n_slots // 2
-            found = self._ring.read(self._next)
+            copied = self._ring.read(self._next)
             self._next += 1
-            if found is not None:
-                item, before = found
+            if copied is not None:
+                item, before = copied
                 self.skipped = before - self._read
                 self._read += item.n_samples if isinstance(item, SampleBlock) else 0
                 yield item

@@ -93,13 +93,13 @@ class Case:
 
     def parameters(self) -> ModelParameters:
         """Return the model parameters of the case, with the reduced imbalance."""
-        found = gj90c(
+        parameters = gj90c(
             imbalance=self.imbalance_fraction * self.imbalance,
             viscosity=self.viscosity,
             inner_clearance=self.inner_clearance,
             outer_clearance=self.outer_clearance,
         )
-        return replace(found, bearing=replace(found.floating_ring, static_load=self.static_load))
+        return replace(parameters, bearing=replace(parameters.floating_ring, static_load=self.static_load))
 
 
 CASES = (
@@ -187,10 +187,10 @@ def run_case(case: Case) -> CaseResult:
     )
 
 
-def chapter_6_comparisons(found: tuple[CaseResult, ...]) -> list[Comparison]:
+def chapter_6_comparisons(results: tuple[CaseResult, ...]) -> list[Comparison]:
     """Return onsets and whirl orders stated in chapter 6 with those of the run-ups of `CASES`."""
     onsets, orders = [], []
-    for case, one in zip(CASES, found, strict=True):
+    for case, one in zip(CASES, results, strict=True):
         onsets += [_edge(case, one, film, stated) for film, stated in _stated_onsets(case)]
         if math.isfinite(case.inner_end):
             onsets.append(_edge(case, one, INNER, case.inner_end, is_end=True))
@@ -239,18 +239,20 @@ def _order(spectrum: Spectrum, case: Case, run: RunUp) -> Comparison:
     )
 
 
-def _bands(found: Stability, film: FilmName) -> str:
+def _bands(stability_result: Stability, film: FilmName) -> str:
     """Return the unstable bands of a film as text."""
     parts = [
-        f"from {one.start:,.0f} to {one.stop:,.0f} rad/s ({one.order:.2f}X)" for one in found.bands if one.film is film
+        f"from {one.start:,.0f} to {one.stop:,.0f} rad/s ({one.order:.2f}X)"
+        for one in stability_result.bands
+        if one.film is film
     ]
     return "by eigenvalues unstable " + (" and ".join(parts) if parts else "nowhere")
 
 
-def onsets_by_eigenvalues(found: tuple[CaseResult, ...]) -> str:
+def onsets_by_eigenvalues(results: tuple[CaseResult, ...]) -> str:
     """Return a comparison of the onsets of run-ups and of eigenvalues, which need no time to grow, as text."""
     others, agreeing = [], 0
-    for case, one in zip(CASES, found, strict=True):
+    for case, one in zip(CASES, results, strict=True):
         for film in FilmName:
             computed, expected = one.run.onset(film), one.stability.onset(film)
             beyond = one.run.speeds[one.run.speeds >= expected]  # none where nothing is expected
@@ -271,9 +273,9 @@ def _at(speed: float) -> str:
     return f"{speed:,.0f} rad/s" if math.isfinite(speed) else "none"
 
 
-def trends(found: tuple[CaseResult, ...]) -> list[Trend]:
+def trends(results: tuple[CaseResult, ...]) -> list[Trend]:
     """Return the trends stated in chapter 6, evaluated with the run-ups of `CASES`."""
-    runs = [(case, one.run) for case, one in zip(CASES, found, strict=True)]
+    runs = [(case, one.run) for case, one in zip(CASES, results, strict=True)]
     by_name = {case.name: one for case, one in runs}
     base = CASES[1].name
     imbalance = (CASES[0].name, base, CASES[2].name)
@@ -326,10 +328,10 @@ def _verdict(is_reproduced: bool) -> Verdict:  # noqa: FBT001 - the only argumen
     return Verdict.REPRODUCED if is_reproduced else Verdict.DIFFERENT
 
 
-def chapter_6_figures(found: tuple[CaseResult, ...]) -> list[Captioned]:
+def chapter_6_figures(results: tuple[CaseResult, ...]) -> list[Captioned]:
     """Return waterfall, bifurcation diagram, spectra and trajectories of each case, with captions."""
     figures: list[Captioned] = []
-    for case, one in zip(CASES, found, strict=True):
+    for case, one in zip(CASES, results, strict=True):
         at = f"{case.name} (computed at {case.imbalance_fraction:g} of the printed imbalance)"
         waterfall = waterfall_surface(one.run, f"Waterfall, {case.name}")
         bifurcation = bifurcation_plot(one.run, f"Bifurcation, {case.name}")

@@ -57,39 +57,39 @@ class Spectrum:
         seen = " and ".join(one.value for one in self.stated) or "1X alone"
         return f"{self.figure}, {self.speed:,.0f} rad/s: {seen}"
 
-    def evaluate(self, found: RunUp) -> tuple[Verdict, str]:
+    def evaluate(self, run: RunUp) -> tuple[Verdict, str]:
         """Return whether a run-up shows exactly the stated components, and the computed components as text.
 
         Undecided if the motion without whirl is unstable and the run-up too short for the whirl to show.
         """
-        row = self._row(found)
+        row = self._row(run)
         # The thesis draws linear scales: next to a whirl of 130 µm its combinations of 3 µm are invisible.
-        threshold = max(VISIBLE_RATIO * float(found.spectrum[row].max()), MIN_AMPLITUDE)
-        sizes = {one: self.size(found, one) for one in Component}
+        threshold = max(VISIBLE_RATIO * float(run.spectrum[row].max()), MIN_AMPLITUDE)
+        sizes = {one: self.size(run, one) for one in Component}
         visible = {one: size > threshold for one, (_, size) in sizes.items()}
         parts = [f"{order:.2f}X {size / MICROMETRE:.3g} µm" for one, (order, size) in sizes.items() if visible[one]]
-        computed = ", ".join([f"1X {found.first_order[row] / MICROMETRE:.3g} µm", *parts])
-        if found.is_growing[row]:
+        computed = ", ".join([f"1X {run.first_order[row] / MICROMETRE:.3g} µm", *parts])
+        if run.is_growing[row]:
             return Verdict.UNDECIDED, f"{computed}; unstable, growth too slow to show in the turns integrated"
         agrees = all(visible[one] == (one in self.stated) for one in Component)
         return Verdict.REPRODUCED if agrees else Verdict.DIFFERENT, computed
 
-    def size(self, found: RunUp, component: Component) -> tuple[float, float]:
+    def size(self, run: RunUp, component: Component) -> tuple[float, float]:
         """Return order and amplitude, m peak, of a component in a run-up."""
-        film, row = component.film, self._row(found)
-        order, size = found.component(HARMONIC) if film is None else found.whirl(film)
+        film, row = component.film, self._row(run)
+        order, size = run.component(HARMONIC) if film is None else run.whirl(film)
         return float(order[row]), float(size[row])
 
-    def plots(self, found: RunUp, name: str) -> tuple[Plot, Plot]:
+    def plots(self, run: RunUp, name: str) -> tuple[Plot, Plot]:
         """Return plots of spectrum and trajectory of a run-up."""
-        row = self._row(found)
+        row = self._row(run)
         at = f"at {self.speed:,.0f} rad/s, {name}"
-        spectrum = Series("", found.orders, found.spectrum[row] / MICROMETRE)
-        x, y = found.orbit[row] / MICROMETRE
+        spectrum = Series("", run.orders, run.spectrum[row] / MICROMETRE)
+        x, y = run.orbit[row] / MICROMETRE
         return (
             Plot(f"Spectrum {at}", "Frequency over the shaft's speed [X]", "Amplitude in X [µm peak]", (spectrum,)),
             Plot(f"Trajectory {at}", "X [µm]", "Y [µm]", (Series("", x, y, Style.LINE),), is_square=True),
         )
 
-    def _row(self, found: RunUp) -> int:
-        return int(np.argmin(np.abs(found.speeds - self.speed)))
+    def _row(self, run: RunUp) -> int:
+        return int(np.argmin(np.abs(run.speeds - self.speed)))

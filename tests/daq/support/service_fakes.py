@@ -39,7 +39,7 @@ def make_entry(run: str = NEWEST, *, rig: str = "gj90c", is_complete: bool = Tru
         id=run,
         path=Path(f"{run}.mcap"),
         size=154_000_000,
-        changed_ns=header.started_ns,
+        modified_ns=header.started_ns,
         header=type(header)(
             run=run,
             rig=rig,
