@@ -1,7 +1,6 @@
 """The command-line parser of `rig`, and the exit codes of its errors."""
 
 import argparse
-import gc
 import importlib
 import os
 import sys
@@ -85,12 +84,8 @@ def rig_parser(command: str | None = None) -> argparse.ArgumentParser:
         return parsers[name]
 
     wanted = COMMANDS if command is None else {command} & COMMANDS.keys()
-    gc.disable()  # what is imported stays: looking for garbage in it takes a tenth of a second of a short command
-    try:
-        for module in dict.fromkeys(COMMANDS[name][0] for name in wanted):
-            importlib.import_module(f"daq.cli.{module}").add_commands(add)
-    finally:
-        gc.enable()
+    for module in dict.fromkeys(COMMANDS[name][0] for name in wanted):
+        importlib.import_module(f"daq.cli.{module}").add_commands(add)
     return parser
 
 
