@@ -22,7 +22,7 @@ from daq.service.http_semantics import EVENT_STREAM
 from daq.service.jobs.queue import JobQueue
 from daq.service.problems import ProblemError, ProblemType
 from daq.service.results_reader import ResultsReader
-from daq.service.uploads import MAX_UPLOAD_SIZE, UploadReceiver, UploadStore
+from daq.service.uploads import MAX_RECORDING_SIZE, MAX_UPLOAD_SIZE, UploadReceiver, UploadStore
 from daq.session.live_update import LiveUpdate
 from daq.session.run import RunManager
 from recordings.catalogue.catalogue import Catalogue, RunEntry
@@ -32,6 +32,10 @@ CURVES_INTERVAL = 0.25  # s
 JOB_INTERVAL = 0.2  # s
 MAX_LIVE_CLIENTS = 64
 MAX_JOB_CLIENTS = 16
+MAX_WAITING_LOOKUPS = 64
+MAX_WAITING_SUMMARIES = 16
+MAX_WAITING_RESULTS = 64
+MAX_WAITING_EDITS = 16
 KEEP_ALIVE_INTERVAL = 15.0  # s without an update until a comment shows that the service is alive
 
 
@@ -162,7 +166,6 @@ class LiveStream(ChangeStream):
         return self._text
 
 
-MAX_RECORDING_SIZE = 64 * 1024**3  # bytes
 ResultT = TypeVar("ResultT")
 ArgumentTs = TypeVarTuple("ArgumentTs")
 
@@ -244,10 +247,16 @@ class ServiceState:
     closing: threading.Event = field(default_factory=threading.Event)
     job_changes: ChangeStream = field(init=False)
     started_at: float = field(default_factory=time.monotonic)
-    lookups: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=4, waiting=64))
-    summary_threads: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=2, waiting=16))
-    result_threads: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=2, waiting=64))
-    edits: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=1, waiting=16))
+    lookups: BoundedThreadPool = field(
+        default_factory=lambda: BoundedThreadPool(threads=4, waiting=MAX_WAITING_LOOKUPS)
+    )
+    summary_threads: BoundedThreadPool = field(
+        default_factory=lambda: BoundedThreadPool(threads=2, waiting=MAX_WAITING_SUMMARIES)
+    )
+    result_threads: BoundedThreadPool = field(
+        default_factory=lambda: BoundedThreadPool(threads=2, waiting=MAX_WAITING_RESULTS)
+    )
+    edits: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=1, waiting=MAX_WAITING_EDITS))
     starts: BoundedThreadPool = field(default_factory=lambda: BoundedThreadPool(threads=1, waiting=0))
 
     def __post_init__(self) -> None:

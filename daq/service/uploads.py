@@ -32,6 +32,7 @@ CHUNK_TIMEOUT: Final = 30.0  # s for a chunk to arrive
 ABANDONED_AFTER: Final = 24 * 3600.0  # s: older files were left behind by a killed service
 MAX_UPLOADS: Final = 16
 MAX_UPLOAD_SIZE: Final = 2 * 1024**3  # bytes of one file
+MAX_RECORDING_SIZE: Final = 64 * 1024**3  # bytes of one recording
 MAX_NAME_LENGTH: Final = 200
 RETENTION_TIME: Final = 3600.0  # s
 UPLOADS: Final = "/api/v1/uploads"

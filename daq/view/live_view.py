@@ -14,7 +14,7 @@ import rerun as rr
 from daq.errors import ServiceError
 from daq.session.live_update import LiveUpdate
 from daq.view.presenter import Presenter, operator_blueprint
-from daq.view.viewer_pages import ViewerPages
+from daq.view.viewer_server import ViewerPages
 
 logger = logging.getLogger(__name__)
 
