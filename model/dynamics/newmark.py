@@ -221,6 +221,52 @@ def _add_product(planes: FloatArray, factors: tuple[complex, complex], product: 
 
 
 @compiler.compiled
+def _scaled_sum(factor: float, scaled: FloatArray, added: FloatArray) -> FloatArray:
+    # Loops here and below: expressions of whole arrays take ten times as long to compile
+    total = np.empty_like(scaled)
+    sums, first, second = total.reshape(-1), scaled.reshape(-1), added.reshape(-1)
+    for i in range(sums.size):
+        sums[i] = factor * first[i] + second[i]
+    return total
+
+
+@compiler.compiled
+def _fill(target: FloatArray, begin: int, source: FloatArray, factor: float) -> None:
+    # Put a factor times the source into the rows from `begin` on
+    for i in range(source.shape[0]):
+        for x in range(2):
+            for c in range(source.shape[2]):
+                target[begin + i, x, c] = factor * source[i, x, c]
+
+
+@compiler.compiled
+def _finish_tangent(tangent: FloatArray, end: FloatArray, rate: float) -> None:
+    # Displacements, velocities and accelerations at the end of the step
+    q, v, a, ends = tangent[0].reshape(-1), tangent[1].reshape(-1), tangent[2].reshape(-1), end.reshape(-1)
+    for i in range(q.size):
+        change = ends[i] - q[i]
+        a[i] = rate * (rate * change - 2 * v[i]) - a[i]
+        v[i] = rate * change - v[i]
+        q[i] = ends[i]
+
+
+@compiler.compiled
+def _copy_tangent(source: FloatArray, target: FloatArray) -> None:
+    sources, targets = source.reshape(-1), target.reshape(-1)
+    for i in range(sources.size):
+        targets[i] = sources[i]
+
+
+@compiler.compiled
+def _store_path(outputs: FloatArray, tangent: Tangent, step: int) -> None:
+    path = _product(outputs, tangent.motion[0, : outputs.shape[1]])
+    for row in range(outputs.shape[0]):
+        for x in range(2):
+            for column in range(path.shape[2]):
+                tangent.path[row, step, x, column] = path[row, x, column]
+
+
+@compiler.compiled
 def _tangent_forces(derivatives: ComplexArray, bodies: FloatArray) -> FloatArray:
     # Forces of disturbances of the bodies, (size, 2, columns)
     forces = np.zeros_like(bodies)
@@ -254,35 +300,39 @@ def _tangent_step(
     constraint_derivatives(constraints, speed, rate + 0j, work.bodies, slopes)
     newton_matrix(n, slopes, work.receptance, work.matrix)
     q, v, a = tangent[0], tangent[1], tangent[2]
-    y = rate * q + v
-    pushed = rate * (y + v) + a
+    y = _scaled_sum(rate, q, v)
+    pushed = _scaled_sum(rate, _scaled_sum(1.0, y, v), a)
     turned, modal = _product(shaft.gyroscopic, y[:m]), np.zeros((m, 2, q.shape[2]))
     for i in range(m):
         _add_product(turned[i], (-1j * speed, speed + 0j), pushed[i])  # - i Omega G
-        pushed[i] += shaft.damping[i] * y[i]
+        _add_product(y[i], (shaft.damping[i] + 0j, 1j * shaft.damping[i]), pushed[i])
     free = _product(T.T, pushed[:m])
     for k in range(m):
         _add_product(free[k], (compliance[k], 1j * compliance[k]), modal[k])
     bodies, starts = np.empty((size, 2, q.shape[2])), np.empty((size, 2, q.shape[2]))
-    bodies[:n], starts[:n] = _product(psi, modal), _product(shaft.points, y[:m])
-    bodies[n:], starts[n:] = h * h / 4 * pushed[m:], y[m:]
-    rest = _tangent_forces((slopes - slow) / rate, starts)  # forces of the velocities that the start leaves
+    _fill(bodies, 0, _product(psi, modal), 1.0)
+    _fill(bodies, n, pushed[m:], h * h / 4)
+    _fill(starts, 0, _product(shaft.points, y[:m]), 1.0)
+    _fill(starts, n, y[m:], 1.0)
+    for j in range(size):
+        for body in range(size):
+            for x in range(2):
+                slow[j, body, x] = (slopes[j, body, x] - slow[j, body, x]) / rate
+    rest = _tangent_forces(slow, starts)  # forces of the velocities that the start leaves
     for j in range(size):
         for body in range(size):
             H = work.receptance[j, body]
             if H != 0j:
                 _add_product(rest[body], (-H, -1j * H), bodies[j])
     eliminate(work.matrix, bodies.reshape(2 * size, -1))  # X and Y alternately
-    forces = _tangent_forces(slopes, bodies) - rest
+    forces = _scaled_sum(-1.0, rest, _tangent_forces(slopes, bodies))
     free = _product(psi.T, forces[:n])
     for k in range(m):
         _add_product(free[k], (compliance[k], 1j * compliance[k]), modal[k])
     end = np.empty_like(q)
-    end[:m], end[m:] = _product(T, modal), bodies[n:]
-    change = end - q
-    a[:] = rate * (rate * change - 2 * v) - a
-    v[:] = rate * change - v
-    q[:] = end
+    _fill(end, 0, _product(T, modal), 1.0)
+    _fill(end, m, bodies[n:], 1.0)
+    _finish_tangent(tangent, end, rate)
 
 
 @compiler.inlined
@@ -362,11 +412,11 @@ def integrate(
             level += 1
         _copy(state.motion, work.saved)
         if tangent is not None:
-            tangent.saved[:] = tangent.motion
+            _copy_tangent(tangent.motion, tangent.saved)
         while not _substeps(parts, constraints, matrices, level, state, work, tangent):
             _copy(work.saved, state.motion)
             if tangent is not None:
-                tangent.motion[:] = tangent.saved
+                _copy_tangent(tangent.saved, tangent.motion)
             state.level[0] = NO_LEVEL
             level += 1
             if level > last:
@@ -376,5 +426,5 @@ def integrate(
             for k in range(outputs.shape[1]):
                 displacement[row, n] += outputs[row, k] * state.motion[0, k]
         if tangent is not None:
-            tangent.path[:, n] = _product(outputs, tangent.motion[0, : outputs.shape[1]])
+            _store_path(outputs, tangent, n)
     return NO_FAILURE

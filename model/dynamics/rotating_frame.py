@@ -18,7 +18,7 @@ from model.dynamics.condensed import (
     residual,
     wall_margin,
 )
-from model.dynamics.modal_system import Constraints, Parts, Workspace
+from model.dynamics.modal_system import Constraints, ModalShaft, Parts, Rings, Workspace
 from model.dynamics.newmark import workspace
 from model.films import film_kernels
 
@@ -76,18 +76,22 @@ def _newton(parts: Parts, constraints: Constraints | None, n: int, speed: float,
 
 
 @compiler.compiled
-def _first_order(parts: Parts, constraints: Constraints | None, n: int, speed: float, work: Workspace) -> FloatArray:
-    # Matrix of displacements and velocities of modes and rings, X and Y alternately, about the present positions
-    shaft, films, rings, _ = parts
-    m, coordinates = shaft.squared_frequencies.size, shaft.squared_frequencies.size + rings.mass.size
+def _without_forces(
+    shaft: ModalShaft, rings: Rings, size: int, speed: float
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    # Factors of displacements and velocities of modes and rings, their positions at the bodies, their share of forces
+    (n, m), coordinates = shaft.points.shape, shaft.points.shape[1] + rings.mass.size
     # q'' + (i Omega (2 - G) + d) q' + (w² - Omega² + Omega² G + i Omega d) q = forces ; rings: 1/m
+    # Loops: expressions of whole arrays take ten times as long to compile.
     own = np.zeros((2, coordinates, coordinates), np.complex128)
-    shapes, inputs = (
-        np.zeros((work.forces.size, coordinates), np.complex128),
-        np.zeros_like(own[0, :, : work.forces.size]),
-    )
-    own[0, :m, :m], own[1, :m, :m] = speed * speed * shaft.gyroscopic, -1j * speed * shaft.gyroscopic
-    shapes[:n, :m], inputs[:m, :n] = shaft.points, shaft.points.T
+    shapes = np.zeros((size, coordinates), np.complex128)
+    inputs = np.zeros((coordinates, size), np.complex128)
+    for i in range(m):
+        for j in range(m):
+            own[0, i, j] = speed * speed * shaft.gyroscopic[i, j]
+            own[1, i, j] = -1j * speed * shaft.gyroscopic[i, j]
+        for point in range(n):
+            shapes[point, i] = inputs[i, point] = shaft.points[point, i]
     for j in range(coordinates):
         own[0, j, j] -= speed * speed
         own[1, j, j] += 2j * speed
@@ -96,21 +100,36 @@ def _first_order(parts: Parts, constraints: Constraints | None, n: int, speed: f
             own[1, j, j] += shaft.damping[j]
         else:
             shapes[n + j - m, j], inputs[j, n + j - m] = 1.0, 1 / rings.mass[j - m]
+    return own, shapes, inputs
+
+
+@compiler.compiled
+def _first_order(parts: Parts, constraints: Constraints | None, n: int, speed: float, work: Workspace) -> FloatArray:
+    # Matrix of displacements and velocities of modes and rings, X and Y alternately, about the present positions
+    shaft, films, rings, _ = parts
+    own, shapes, inputs = _without_forces(shaft, rings, work.forces.size, speed)
+    coordinates = own.shape[1]
     still, moving = work.derivatives, np.zeros_like(work.derivatives)
     film_derivatives(films, n, speed, 1j * speed, work.bodies, still)
     constraint_derivatives(constraints, speed, 1j * speed, work.bodies, still)
     film_derivatives(films, n, speed, (1 + 1j) * speed, work.bodies, moving)
     constraint_derivatives(constraints, speed, (1 + 1j) * speed, work.bodies, moving)
     half = 2 * coordinates
-    matrix = np.zeros((2 * half, 2 * half))
+    matrix, slopes = np.zeros((2 * half, 2 * half)), np.zeros_like(work.receptance)
     for j in range(half):
         matrix[j, half + j] = 1.0
     for part in range(2):
-        slopes = still if part == 0 else (moving - still) / speed
         for k in range(2):
-            block = inputs @ (np.ascontiguousarray(slopes[:, :, k]) @ shapes) - (1 if k == 0 else 1j) * own[part]
-            matrix[half::2, part * half + k : (part + 1) * half : 2] = block.real
-            matrix[half + 1 :: 2, part * half + k : (part + 1) * half : 2] = block.imag
+            for i in range(work.forces.size):
+                for j in range(work.forces.size):
+                    slope = still[i, j, k]
+                    slopes[i, j] = slope if part == 0 else (moving[i, j, k] - slope) / speed
+            block = inputs @ (slopes @ shapes)
+            for i in range(coordinates):
+                for j in range(coordinates):
+                    entry = block[i, j] - (1 if k == 0 else 1j) * own[part, i, j]
+                    matrix[half + 2 * i, part * half + 2 * j + k] = entry.real
+                    matrix[half + 2 * i + 1, part * half + 2 * j + k] = entry.imag
     return matrix
 
 
