@@ -3,19 +3,21 @@
 import gzip
 import io
 from collections.abc import Mapping
+from enum import StrEnum
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from analysis.signals.header import Channel
 from analysis.signals.units import MICROMETRE
 from daq.reports.analysis_result import AnalysisResult, ProgressCallback, analysis_schema
 from daq.reports.errors import ArrowUnavailableError, DataNotFoundError, RequestTooLargeError
-from daq.reports.parameters import AnalysisFormat, AnalysisQuery, SampleFormat, SamplesQuery, SampleUnit
+from daq.reports.parameters import MAX_TIME, AnalysisFormat, AnalysisQuery, QueryParameters
 from daq.reports.plots.panel import PlotStyle
 from daq.reports.registry import KINDS
 from daq.reports.run_history import file_status
@@ -24,6 +26,44 @@ from daq.schemas.results import ChannelSamplesSchema, SamplesSchema
 from daq.schemas.units import finite
 from recordings.exchange.table import Column, Table
 from recordings.mcap.reader import RunReader
+
+
+class SampleUnit(StrEnum):
+    """Unit of the samples."""
+
+    ENGINEERING = "engineering"  # µm towards the probe; V for the tacho
+    VOLTS = "volts"
+    CODES = "codes"
+
+
+class SampleFormat(StrEnum):
+    """Format of the samples."""
+
+    JSON = "json"
+    NPZ = "npz"
+    ARROW = "arrow"
+
+
+class SamplesQuery(QueryParameters):
+    """Parameters of the recorded samples."""
+
+    segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
+    from_s: Annotated[
+        float, Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0])
+    ] = 0.0
+    duration_s: Annotated[
+        float,
+        Field(
+            description="Duration, s; cut at the segment's end. JSON holds 100,000 values, npz and Arrow 6,000,000",
+            gt=0, le=60, examples=[0.1],
+        ),
+    ] = 0.1  # fmt: skip
+    unit: Annotated[
+        SampleUnit,
+        Field(description="engineering: µm, V of the tacho; volts; or codes of the converter", examples=["volts"]),
+    ] = SampleUnit.ENGINEERING
+    format: Annotated[SampleFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
+
 
 ANALYSIS_CACHE_SIZE = 8
 GZIP_LEVEL = 4

@@ -76,43 +76,6 @@ class TrendQuery(QueryParameters):
     ] = 600
 
 
-class SampleUnit(StrEnum):
-    """Unit of the samples."""
-
-    ENGINEERING = "engineering"  # µm towards the probe; V for the tacho
-    VOLTS = "volts"
-    CODES = "codes"
-
-
-class SampleFormat(StrEnum):
-    """Format of the samples."""
-
-    JSON = "json"
-    NPZ = "npz"
-    ARROW = "arrow"
-
-
-class SamplesQuery(QueryParameters):
-    """Parameters of the recorded samples."""
-
-    segment: Annotated[int, Field(description="Gap-free segment of the run", ge=0, le=1_000_000, examples=[0])] = 0
-    from_s: Annotated[
-        float, Field(description="Time in the segment, s; refused past its end", ge=0, le=MAX_TIME, examples=[1.0])
-    ] = 0.0
-    duration_s: Annotated[
-        float,
-        Field(
-            description="Duration, s; cut at the segment's end. JSON holds 100,000 values, npz and Arrow 6,000,000",
-            gt=0, le=60, examples=[0.1],
-        ),
-    ] = 0.1  # fmt: skip
-    unit: Annotated[
-        SampleUnit,
-        Field(description="engineering: µm, V of the tacho; volts; or codes of the converter", examples=["volts"]),
-    ] = SampleUnit.ENGINEERING
-    format: Annotated[SampleFormat | None, Field(description="Overrides the Accept header", examples=["json"])] = None
-
-
 MAX_ORDERS: Final = 6
 MIN_BANDWIDTH: Final = 0.001  # Hz, or per cent
 ORDER = r"\d{1,2}(\.\d{1,4})?"

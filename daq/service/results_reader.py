@@ -11,8 +11,8 @@ import numpy as np
 from analysis.live.summary import RunSummary
 from analysis.signals.units import RPM
 from daq.errors import ConfigError
-from daq.reports.export import analysis_body, encode_samples
-from daq.reports.parameters import AnalysisQuery, QueryParameters, SampleFormat, SamplesQuery, TrendQuery
+from daq.reports.export import SampleFormat, SamplesQuery, analysis_body, encode_samples
+from daq.reports.parameters import AnalysisQuery, QueryParameters, TrendQuery
 from daq.reports.recorded_results import findings_schema, trend_schema
 from daq.reports.run_history import RunHistory, file_status, load_history
 from daq.schemas.live import predicted_vibration_schema

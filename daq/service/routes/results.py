@@ -7,12 +7,11 @@ from fastapi import APIRouter, Query, Request, Response
 
 from analysis.signals.units import RPM
 from daq.reports.analysis_result import QUANTITIES, AnalysisSchema
+from daq.reports.export import SampleFormat, SamplesQuery
 from daq.reports.parameters import (
     AnalysisFormat,
     AnalysisQuery,
     QueryParameters,
-    SampleFormat,
-    SamplesQuery,
     SpeedQuery,
     TrendQuery,
 )
