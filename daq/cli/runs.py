@@ -53,7 +53,7 @@ def add_commands(add: AddCommand) -> None:
             f"--{measure.name.replace('_', '-')}",
             type=_range,
             metavar="LOW-HIGH",
-            help=f"largest {measure.description} within this range, {measure.unit}",
+            help=f"range, {measure.unit}, of the largest {measure.description}",
         )
     command.add_argument("--text", default="", help="words in id, rig, note, remark or markers")
     command.add_argument("--tag", action="append", default=[], help="has this tag; repeatable")

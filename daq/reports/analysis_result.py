@@ -63,6 +63,7 @@ def columns(**values: ColumnInput) -> tuple[Column, ...]:
     for name in values:
         if name not in QUANTITIES:
             raise ValueError(f"column {name!r}: expected one of {', '.join(QUANTITIES)}")
+    # the dtype's kind tells text from numbers, which mypy cannot see
     return tuple(Column(name, row if row.dtype.kind == "U" else np.asarray(row, float)) for name, row in values.items())  # type: ignore[arg-type]
 
 

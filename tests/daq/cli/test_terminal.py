@@ -110,14 +110,18 @@ def test_progress_on_a_terminal_is_a_bar(environment: Callable[..., None]) -> No
 
 
 def test_closed_terminal_does_not_raise() -> None:
+    attempts = []
+
     class Closed(Terminal):
-        def write(self, _text: str) -> int:
+        def write(self, text: str) -> int:
+            attempts.append(text)
             raise OSError(5, "Input/output error")
 
     console = TerminalOutput(Closed())
     console.line("a message")
     console.progress("00:15")
     console.done()
+    assert any("a message" in text for text in attempts)
 
 
 def test_status_line_drops_parts_that_do_not_fit() -> None:
